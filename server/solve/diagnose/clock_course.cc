@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <utility>
 
@@ -206,50 +207,62 @@ class CourseMeter {
   std::vector<Sight> sights_;
 };
 
-// The time of the step to a sight, between the blocks around it.
-void RefineStepTime(const CourseMeter& meter, ClockCourse* course) {
-  size_t next = 0;
-  while (next + 1 < course->blocks.size() && course->blocks[next].time_s < course->step_time_s) {
-    ++next;
-  }
+// The time of a step to a sight, between the blocks around it.
+void RefineStepTime(const CourseMeter& meter, size_t step, ClockCourse* course) {
+  const ClockStep found = course->steps[step];
+  const auto next = static_cast<size_t>(
+      std::ranges::lower_bound(course->blocks, found.time_s, {}, &CourseBlock::time_s) -
+      course->blocks.begin());
   const double from_s = course->blocks[next >= 1 ? next - 1 : 0].time_s;
   const double to_s = course->blocks[std::min(next + 1, course->blocks.size() - 1)].time_s;
   // Errors as if the step came first; each sight passed goes to the other side.
   ClockCourse without = *course;
-  without.kind = CourseKind::kCurve;
+  without.steps.erase(without.steps.begin() + static_cast<std::ptrdiff_t>(step));
   double cost = 0, best = 0;
   double best_s = from_s;
   for (size_t i = 0; i < meter.size(); ++i) {
     const double time_s = meter.time_s(i);
     if (time_s < from_s || time_s > to_s) continue;
     const double before_s = without.OffsetAt(time_s);
-    cost += meter.ErrorPx(i, before_s) - meter.ErrorPx(i, before_s + course->size_s);
+    cost += meter.ErrorPx(i, before_s) - meter.ErrorPx(i, before_s + found.size_s);
     if (cost < best) {
       best = cost;
       best_s = i + 1 < meter.size() ? 0.5 * (time_s + meter.time_s(i + 1)) : time_s;
     }
   }
-  course->step_time_s = best_s;
+  course->steps[step].time_s = best_s;
 }
 
-// The course at some of the track's rows, whose rig times are `times_ns`.
-ClockCourseLine LineOf(const ClockCourse& course, const ObservationTable& rows,
+// The course at some of the track's rows, whose rig times are `times_ns`. The straight line below
+// steps or corners is left out: most of it is what a rate took of them, and the rate is estimated
+// again. Empty where a step has no row on one of its sides.
+ClockCourseLine LineOf(ClockCourse course, const ObservationTable& rows,
                        const std::vector<int64_t>& times_ns, int64_t origin_ns) {
   const auto seconds = [&](size_t row) {
     return 1e-9 * static_cast<double>(times_ns[row] - origin_ns);
   };
-  std::vector<size_t> corners;
-  if (course.kind == CourseKind::kStep) {
-    size_t after = 0;
-    while (after < rows.size() && seconds(after) < course.step_time_s) ++after;
-    corners = {0, after - 1, after, rows.size() - 1};
+  const auto first_from = [&](double time_s) {
+    size_t row = 0;
+    while (row < rows.size() && seconds(row) < time_s) ++row;
+    return row;
+  };
+  if (!course.steps.empty() || !course.corners.empty()) course.coefficients.clear();
+  std::vector<size_t> ends = {0, rows.size() - 1};
+  for (const ClockStep& step : course.steps) {
+    const size_t after = first_from(step.time_s);
     if (after == 0 || after == rows.size()) return {};
-  } else {
-    const size_t pieces = course.kind == CourseKind::kSlope ? 1 : kCurvePieces;
-    for (size_t i = 0; i <= pieces; ++i) corners.push_back(i * (rows.size() - 1) / pieces);
+    ends.push_back(after - 1);
+    ends.push_back(after);
   }
+  for (const ClockCorner& corner : course.corners) {
+    ends.push_back(std::min(first_from(corner.time_s), rows.size() - 1));
+  }
+  if (course.kind == CourseKind::kCurve) {
+    for (size_t i = 1; i < kCurvePieces; ++i) ends.push_back(i * (rows.size() - 1) / kCurvePieces);
+  }
+  std::ranges::sort(ends);
   ClockCourseLine line;
-  for (const size_t row : corners) {
+  for (const size_t row : ends) {
     const ClockCoursePoint point = {rows.time_ns(row),
                                     course.OffsetAt(seconds(row)) - course.OffsetAt(seconds(0))};
     if (line.empty() || point.camera_time_ns > line.back().camera_time_ns) line.push_back(point);
@@ -297,7 +310,11 @@ std::vector<CameraPart> PartsOf(const TrialProblem& trial, size_t rig_camera, in
 }  // namespace
 
 double ClockCourse::OffsetAt(double time_s) const {
-  double offset_s = kind == CourseKind::kStep && time_s >= step_time_s ? size_s : 0;
+  double offset_s = 0;
+  for (const ClockStep& step : steps) offset_s += time_s >= step.time_s ? step.size_s : 0;
+  for (const ClockCorner& corner : corners) {
+    offset_s += corner.slope * std::max(0.0, time_s - corner.time_s);
+  }
   for (size_t i = 0; i < coefficients.size(); ++i) {
     offset_s += coefficients[i] * std::pow(time_s - middle_s, static_cast<double>(i));
   }
@@ -356,7 +373,7 @@ std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
     return std::nullopt;
   }
   ChooseCourseModel(course.blocks, &course);
-  if (course.kind == CourseKind::kStep) RefineStepTime(meter, &course);
+  for (size_t i = 0; i < course.steps.size(); ++i) RefineStepTime(meter, i, &course);
   if (course.kind != CourseKind::kConstant) {
     std::vector<double> values_s;
     for (const CourseBlock& block : course.blocks) values_s.push_back(block.offset_s);

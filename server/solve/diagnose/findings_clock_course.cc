@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "common/camera/camera_model.h"
 #include "server/solve/diagnose/clock_course.h"
 #include "server/solve/diagnose/finding_causes.h"
@@ -87,23 +88,46 @@ double ShareOf(const BundleProblem& problem, size_t camera) {
   return own / std::max(1.0, all);
 }
 
-std::string DescribeStep(const ClockCourse& course) {
+// By how much its stamps change at a step: an offset that grows makes them too early.
+const char* SenseOf(const ClockStep& step) { return step.size_s < 0 ? "later" : "earlier"; }
+
+std::string DescribeSteps(const ClockCourse& course) {
+  std::string what;
+  if (course.steps.size() == 1) {
+    const ClockStep& step = course.steps.front();
+    what = absl::StrFormat(
+        "%.1f s after the first wand view its clock jumped by %.2f ms (+-%.2f ms): its stamps are "
+        "that much %s from then on",
+        step.time_s, 1e3 * std::abs(step.size_s), 1e3 * step.sigma_s, SenseOf(step));
+  } else {
+    what = absl::StrFormat("its clock jumped %d times, seconds after the first wand view: ",
+                           course.steps.size());
+    const auto describe = [](std::string* out, const ClockStep& step) {
+      absl::StrAppendFormat(out, "at %.1f s its stamps become %.2f ms (+-%.2f ms) %s", step.time_s,
+                            1e3 * std::abs(step.size_s), 1e3 * step.sigma_s, SenseOf(step));
+    };
+    absl::StrAppend(&what, absl::StrJoin(course.steps, ", ", describe));
+  }
   return absl::StrFormat(
-      "%.1f s after the first wand view its clock jumped by %.2f ms (+-%.2f ms): its stamps are "
-      "that much %s from then on; its error is %.2f px, and %.2f px with an offset of its own "
-      "before and after",
-      course.step_time_s, 1e3 * std::abs(course.size_s), 1e3 * course.sigma_s,
-      course.size_s < 0 ? "later" : "earlier", course.before_px, course.after_px);
+      "%s; its error is %.2f px, and %.2f px with an offset of its own before and after", what,
+      course.before_px, course.after_px);
 }
 
 std::string DescribeDrift(const ClockCourse& course) {
   const double span_s = course.blocks.back().time_s - course.blocks.front().time_s;
-  const std::string how =
-      course.kind == CourseKind::kSlope
-          ? absl::StrFormat("it runs %.0f ppm %s than what the calibration assumes",
-                            1e6 * std::abs(course.coefficients[1]),
-                            course.coefficients[1] < 0 ? "faster" : "slower")
-          : "its rate changes, and one rate does not describe it";
+  std::string how = "its rate changes, and one rate does not describe it";
+  if (course.kind == CourseKind::kSlope) {
+    how = absl::StrFormat("it runs %.0f ppm %s than what the calibration assumes",
+                          1e6 * std::abs(course.coefficients[1]),
+                          course.coefficients[1] < 0 ? "faster" : "slower");
+  } else if (course.kind == CourseKind::kCorners) {
+    const auto describe = [](std::string* out, const ClockCorner& corner) {
+      absl::StrAppendFormat(out, "%.1f s after the first wand view it becomes %.0f ppm %s",
+                            corner.time_s, 1e6 * std::abs(corner.slope),
+                            corner.slope < 0 ? "faster" : "slower");
+    };
+    how = absl::StrJoin(course.corners, ", ", describe);
+  }
   return absl::StrFormat(
       "its clock drifts by %.2f ms (+-%.2f ms) over %.0f s: %s; its error is %.2f px, and %.2f px "
       "with this drift",
@@ -140,10 +164,10 @@ Repair RepairClockCourse(const CauseInput& input) {
   const auto t = static_cast<size_t>(course->track);
   const auto camera = static_cast<size_t>(input.rig.index.camera_of_track[t]);
   repair.repaired.uneven_clocks.push_back(input.rig.index.clock_of_track[t]);
-  const bool step = course->kind == CourseKind::kStep;
+  const bool step = course->kind == CourseKind::kSteps;
   const FindingKind kind = step ? FindingKind::kClockJump : FindingKind::kClockDrift;
   const std::string& name = input.rig.index.cameras[camera].camera;
-  const std::string what = step ? DescribeStep(*course) : DescribeDrift(*course);
+  const std::string what = step ? DescribeSteps(*course) : DescribeDrift(*course);
   if (!course->line.empty()) {
     repair.course = {input.rig.index.clock_of_track[t],
                      std::move(course->line),

@@ -184,6 +184,15 @@ std::vector<Disturbance> ClockDisturbances() {
   }
   list.push_back(OfClock("clock jumps 30 ms late", jump,
                          [](double share, double) { return share < 0.8 ? 0 : 0.03; }));
+  list.push_back(OfClock("clock jumps 20 and 25 ms", jump, [](double share, double) {
+    return (share < 1.0 / 3 ? 0 : 0.02) + (share < 2.0 / 3 ? 0 : 0.025);
+  }));
+  list.push_back(OfClock("clock jumps 30 ms and back", jump, [](double share, double) {
+    return share < 0.4 || share >= 0.65 ? 0 : 0.03;
+  }));
+  list.push_back(OfClock("clock 2000 ppm faster half-way", drift, [](double share, double span_s) {
+    return 2e-3 * span_s * std::max(0.0, share - 0.5);
+  }));
   for (const double drift_s : {0.02, 0.05}) {
     list.push_back(OfClock(absl::StrFormat("quadratic drift %.0f ms", 1e3 * drift_s), drift,
                            [drift_s](double share, double) { return drift_s * share * share; }));

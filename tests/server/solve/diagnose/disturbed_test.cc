@@ -106,6 +106,29 @@ TEST(DisturbedRecording, ClockThatJumpedIsNamedAndFollowed) {
   EXPECT_EQ(Get(*outcome.result, FindingKind::kCameraMoved), nullptr);
 }
 
+TEST(DisturbedRecording, ClockThatJumpedTwiceIsNamedAndFollowed) {
+  CalibrationInput input = Simulated("cameras=5;duration=40;seed=31");
+  const CalibrationOutcome undisturbed = Calibrate(input, {});
+  ASSERT_THAT(undisturbed.result, IsOk());
+  MoveStamps(
+      [](double share) { return (share < 1.0 / 3 ? 0 : 0.02) + (share < 2.0 / 3 ? 0 : 0.025); },
+      &input.tracks[1]);
+  const CalibrationOutcome outcome = Calibrate(std::move(input), {});
+  ASSERT_THAT(outcome.result, IsOk());
+  const Finding* const jump = Get(*outcome.result, FindingKind::kClockJump);
+  ASSERT_NE(jump, nullptr);
+  EXPECT_EQ(jump->camera, "sim_1");
+  EXPECT_NEAR(jump->value, -25, 1);
+  EXPECT_THAT(jump->advice, HasSubstr("its clock jumped 2 times"));
+  EXPECT_EQ(outcome.result->quality.grade, QualityGrade::kGood);
+  const ClockCourseLine& course = outcome.result->cameras[1].clock_course;
+  ASSERT_THAT(course, SizeIs(6));
+  EXPECT_NEAR(course[2].offset_s, -0.02, 1e-3);
+  EXPECT_NEAR(course[5].offset_s, -0.045, 1e-3);
+  EXPECT_LT(WorstDistanceM(*undisturbed.result, *outcome.result), 5e-4);
+  EXPECT_EQ(Get(*outcome.result, FindingKind::kRollingShutter), nullptr);
+}
+
 TEST(DisturbedRecording, ClockWhoseRateChangesIsNamedAndFollowed) {
   CalibrationInput input = Simulated("cameras=5;duration=40;seed=32");
   const CalibrationOutcome undisturbed = Calibrate(input, {});

@@ -8,7 +8,6 @@
 #include "tests/accuracy/solver/disturbance.h"
 
 namespace rigcal::accuracy {
-
 namespace {
 
 // Seconds that are added to the stamp of a row `share` of the way through the recording.

@@ -9,7 +9,6 @@
 #include "absl/strings/str_format.h"
 
 namespace rigcal::accuracy {
-
 namespace {
 
 // Keeps `keep_s` in the middle of the recording.

@@ -14,7 +14,6 @@
 #include "tests/accuracy/thread_cpu.h"
 
 namespace rigcal::accuracy {
-
 namespace {
 
 constexpr double kAcceptedShare = 0.01;

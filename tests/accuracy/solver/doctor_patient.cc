@@ -12,7 +12,6 @@
 #include "tests/server/solve/simulated_input.h"
 
 namespace rigcal::accuracy {
-
 namespace {
 
 void FindDistance(const CalibrationResult& result, DoctorPatient* patient) {

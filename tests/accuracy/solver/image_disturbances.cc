@@ -10,7 +10,6 @@
 #include "tests/accuracy/solver/disturbance.h"
 
 namespace rigcal::accuracy {
-
 namespace {
 
 void AddNoise(uint32_t seed, double sigma_px, DoctorPatient* patient) {

@@ -11,7 +11,6 @@
 #include "tests/accuracy/solver/disturbance.h"
 
 namespace rigcal::accuracy {
-
 namespace {
 
 void ScaleFocalLength(double factor, server::CameraTrack* track) {

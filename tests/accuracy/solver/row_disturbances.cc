@@ -7,7 +7,6 @@
 #include "tests/accuracy/solver/disturbance.h"
 
 namespace rigcal::accuracy {
-
 namespace {
 
 // Rows of the image are taken one after the other, `line_s` apart: the middle one at the stamp.

@@ -24,7 +24,15 @@ constexpr double kConvincingMotionShare = 0.1;  // of the score of wrong offsets
 constexpr double kConvincingRmsShare = 0.25;    // likewise, of its root mean square
 // Chance makes some offsets better than others; the right one stands out from all of them.
 constexpr double kDistinctEvidence = 1.4;
+// Far away and slow, even wrong offsets fit to some pixels, and noise is a larger share of that.
+// Then the right one must stand out the more.
+constexpr double kConvincingFarShare = 0.2, kConvincingFarRmsShare = 0.35;
+constexpr double kDistinctFarEvidence = 2;
+// What may count where other pairs of cameras say the same.
+constexpr double kCandidateRmsShare = 0.6, kCandidateShare = 0.5;
+constexpr double kCandidateEvidence = 1.2;
 constexpr double kRivalS = 1;
+constexpr double kRidgeShare = 0.5;  // of the score of wrong offsets
 // Another valley is as good as the best one if its evidence is this share of the best, and its
 // score is not worse by this factor, or this much.
 constexpr double kAsGoodEvidence = 0.6;
@@ -101,6 +109,16 @@ std::vector<size_t> BestValleys(const LagScores& lags, const std::vector<double>
   return valleys;
 }
 
+// Near to each other, with nothing between them that fits badly: a slow motion has wide valleys
+// with several bottoms. A motion that repeats itself has none between two of its periods.
+bool AreOneValley(const LagScores& lags, const std::vector<double>& usual_px, size_t a, size_t b) {
+  if (std::abs(lags.OffsetS(a) - lags.OffsetS(b)) >= kRivalS) return false;
+  for (size_t lag = std::min(a, b); lag <= std::max(a, b); ++lag) {
+    if (!(lags.rms_px[lag] < kRidgeShare * usual_px[lag])) return false;
+  }
+  return true;
+}
+
 // The most evidence for any other offset than about that of `lag`.
 double RivalEvidence(const LagScores& lags, const std::vector<double>& evidence, size_t lag) {
   double most = 0;
@@ -121,6 +139,24 @@ MotionPeak LookClosely(const TrackPaths& a, const TrackPaths& b, const MotionSpe
   return {bottom_s, scores.At(bottom_s)};
 }
 
+// The best valley, if it is better than others by something.
+MotionMatch CandidateOf(const TrackPaths& a, const TrackPaths& b, const MotionSpectrum& spectrum_b,
+                        const LagScores& lags, const std::vector<double>& usual_px,
+                        const std::vector<double>& by_lag) {
+  const std::vector<size_t> valleys = BestValleys(lags, by_lag);
+  if (valleys.empty()) return {};
+  const size_t lag = valleys.front();
+  if (lags.rms_px[lag] > kCandidateRmsShare * usual_px[lag] ||
+      by_lag[lag] < kCandidateEvidence * RivalEvidence(lags, by_lag, lag)) {
+    return {};
+  }
+  const MotionPeak peak = LookClosely(a, b, spectrum_b, lags.OffsetS(lag));
+  if (peak.score_px > kConvincingMotionPx || peak.score_px > kCandidateShare * usual_px[lag]) {
+    return {};
+  }
+  return {MotionVerdict::kCandidate, {peak}};
+}
+
 }  // namespace
 
 MotionMatch MatchMotion(const TrackPaths& a, const TrackPaths& b, const MotionSpectrum& spectrum_a,
@@ -139,29 +175,36 @@ MotionMatch MatchMotion(const TrackPaths& a, const TrackPaths& b, const MotionSp
   };
   std::vector<Candidate> candidates;
   for (const size_t lag : BestValleys(lags, by_lag)) {
-    if (lags.rms_px[lag] > kConvincingRmsShare * usual_px[lag]) continue;
+    if (lags.rms_px[lag] > kConvincingFarRmsShare * usual_px[lag]) continue;
     const MotionPeak peak = LookClosely(a, b, spectrum_b, lags.OffsetS(lag));
     if (peak.score_px > kConvincingMotionPx ||
-        peak.score_px > kConvincingMotionShare * usual_px[lag]) {
+        peak.score_px > kConvincingFarShare * usual_px[lag]) {
       continue;
     }
     candidates.push_back({peak, lag, Evidence(lags.matches[lag], usual_px[lag], peak.score_px)});
   }
-  if (candidates.empty()) return match;
+  if (candidates.empty()) return CandidateOf(a, b, spectrum_b, lags, usual_px, by_lag);
   std::ranges::stable_sort(candidates, std::greater(), &Candidate::evidence);
   const Candidate& best = candidates.front();
   const double as_good_px =
       std::max(kDistinctFactor * best.peak.score_px, best.peak.score_px + kDistinctPx);
+  std::vector<size_t> accepted;
   for (const Candidate& candidate : candidates) {
-    if (candidate.evidence >= kAsGoodEvidence * best.evidence &&
+    const bool is_new = std::ranges::none_of(
+        accepted, [&](size_t other) { return AreOneValley(lags, usual_px, other, candidate.lag); });
+    if (is_new && candidate.evidence >= kAsGoodEvidence * best.evidence &&
         candidate.peak.score_px <= as_good_px) {
       match.peaks.push_back(candidate.peak);
+      accepted.push_back(candidate.lag);
     }
   }
   match.verdict = match.peaks.size() > 1 ? MotionVerdict::kAmbiguous : MotionVerdict::kFound;
-  if (match.verdict == MotionVerdict::kFound &&
-      by_lag[best.lag] < kDistinctEvidence * RivalEvidence(lags, by_lag, best.lag)) {
-    return {};
+  const bool is_far = lags.rms_px[best.lag] > kConvincingRmsShare * usual_px[best.lag] ||
+                      best.peak.score_px > kConvincingMotionShare * usual_px[best.lag];
+  const double distinct = is_far ? kDistinctFarEvidence : kDistinctEvidence;
+  const bool stands_out = by_lag[best.lag] >= distinct * RivalEvidence(lags, by_lag, best.lag);
+  if (!stands_out && (is_far || match.verdict == MotionVerdict::kFound)) {
+    return CandidateOf(a, b, spectrum_b, lags, usual_px, by_lag);
   }
   return match;
 }

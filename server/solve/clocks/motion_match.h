@@ -15,8 +15,9 @@ struct MotionPeak {
 };
 
 enum class MotionVerdict {
-  kNone,       // no offset fits clearly better than most
-  kFound,      // one does
+  kNone,       // no offset fits better than most
+  kCandidate,  // one does, but not clearly: it counts where other pairs say the same
+  kFound,      // one does clearly
   kAmbiguous,  // several do, about equally well: the motion repeats itself
 };
 

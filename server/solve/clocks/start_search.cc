@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/status/statusor.h"
+#include "common/statistics/robust_statistics.h"
 #include "server/solve/clocks/pair_scores.h"
 
 namespace rigcal::server {
@@ -17,6 +18,9 @@ constexpr double kFinestGridS = 0.02;
 constexpr int kMotionPartners = 2;  // of each clock, that agree
 constexpr int kMotionTries = 12;    // of each clock
 constexpr double kAgreeS = 0.03;    // two ways to one offset
+// Offsets of candidates are less certain; so many of them must agree, and outnumber any others.
+constexpr double kCandidatesAgreeS = 0.1;
+constexpr int kMinAgreeing = 2;
 
 // Two tracks and the clocks they are on.
 struct TrackPair {
@@ -129,6 +133,48 @@ std::pair<int, int> Agreement(const std::vector<FoundPair>& found, const ClockGr
   return {joined, agreeing};
 }
 
+// Joins clocks that no pair says clearly, where the candidates of several pairs agree. True if any.
+bool JoinByCandidates(const std::vector<FoundPair>& candidates, ClockGroups* groups) {
+  struct Proposal {
+    int agreeing = 0, others = 0;
+    int clock_a = 0, clock_b = 0;
+    double offset_s = 0;
+  };
+  Proposal best;
+  const auto shift_of = [&](const FoundPair& entry, int base_a, int base_b) {
+    return groups->Between(base_a, entry.pair.clock_a) + entry.peak.offset_s +
+           groups->Between(entry.pair.clock_b, base_b);
+  };
+  for (const FoundPair& entry : candidates) {
+    const int a = entry.pair.clock_a, b = entry.pair.clock_b;
+    if (groups->Joined(a, b)) continue;
+    std::vector<double> agreeing_s;
+    int others = 0;
+    for (const FoundPair& other : candidates) {
+      const int c = other.pair.clock_a, d = other.pair.clock_b;
+      double offset_s = 0;
+      if (groups->Joined(a, c) && groups->Joined(b, d)) {
+        offset_s = shift_of(other, a, b);
+      } else if (groups->Joined(a, d) && groups->Joined(b, c)) {
+        offset_s = -shift_of(other, b, a);
+      } else {
+        continue;
+      }
+      if (std::abs(offset_s - entry.peak.offset_s) < kCandidatesAgreeS) {
+        agreeing_s.push_back(offset_s);
+      } else {
+        ++others;
+      }
+    }
+    const auto agreeing = static_cast<int>(agreeing_s.size());
+    if (agreeing < kMinAgreeing || agreeing <= others || agreeing <= best.agreeing) continue;
+    best = {agreeing, others, a, b, Median(agreeing_s)};
+  }
+  if (best.agreeing == 0) return false;
+  groups->Join(best.clock_a, best.clock_b, best.offset_s);
+  return true;
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<AmbiguousMotion>> JoinByMotion(const RigObservations& rig,
@@ -138,7 +184,7 @@ absl::StatusOr<std::vector<AmbiguousMotion>> JoinByMotion(const RigObservations&
   const std::vector<TrackPair> pairs = PairsApart(rig, *groups);
   Spectra spectra(paths);
   if (!spectra.Prepare(pairs)) return std::vector<AmbiguousMotion>();
-  std::vector<FoundPair> found;
+  std::vector<FoundPair> found, candidates;
   std::vector<AmbiguousMotion> ambiguous;
   std::vector<int> partners(rig.tracks.size(), 0), tries(rig.tracks.size(), 0);
   double done = 0;
@@ -153,10 +199,12 @@ absl::StatusOr<std::vector<AmbiguousMotion>> JoinByMotion(const RigObservations&
     ++tries[a], ++tries[b];
     const MotionMatch match =
         MatchMotion(paths[a], paths[b], spectra.Of(pair.track_a), spectra.Of(pair.track_b));
-    if (match.verdict == MotionVerdict::kFound) {
-      ++partners[a], ++partners[b];
+    if (match.verdict == MotionVerdict::kFound || match.verdict == MotionVerdict::kCandidate) {
       MotionPeak peak = match.peaks.front();
       peak.offset_s = OffsetToApply(peak.offset_s, paths[a], paths[b]);
+      candidates.push_back({pair, peak});
+      if (match.verdict == MotionVerdict::kCandidate) continue;
+      ++partners[a], ++partners[b];
       found.push_back({pair, peak});
     } else if (match.verdict == MotionVerdict::kAmbiguous) {
       ambiguous.push_back({pair.track_a, pair.track_b, match.peaks});
@@ -167,6 +215,8 @@ absl::StatusOr<std::vector<AmbiguousMotion>> JoinByMotion(const RigObservations&
   for (int without = 0; without < static_cast<int>(found.size()); ++without) {
     const ClockGroups other = JoinWithout(found, without, *groups);
     if (Agreement(found, other) > Agreement(found, best)) best = other;
+  }
+  while (JoinByCandidates(candidates, &best)) {
   }
   *groups = best;
   std::erase_if(ambiguous, [&](const AmbiguousMotion& pair) {

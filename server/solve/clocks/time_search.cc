@@ -41,6 +41,9 @@ struct FoundOffset {
   double score_px, offset_s;
 };
 
+// Two offsets of one pair that do not say the same, and how much better one of them must fit.
+constexpr double kSameS = 0.3, kFarBetterShare = 0.5;
+
 // How far offsets are searched.
 enum class Reach { kNearby, kAnySecond };
 
@@ -52,11 +55,13 @@ std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b, 
     return scores.At(offset_s) + kTellingPx <
            std::max(scores.At(offset_s - kTellingS), scores.At(offset_s + kTellingS));
   };
-  // Of clocks that agree nearly, the lowest score is nearby.
+  // Of clocks that agree nearly, the lowest score is nearby. One point that moves smoothly has low
+  // scores elsewhere, too, so that all are looked at.
+  const bool one_point = a.markers.size() == 1;
   const double near_s = scores.Descend(0, 0, kReachS);
   double best = scores.At(near_s), best_s = near_s;
-  if (best >= kAlignedPx) {
-    if (reach == Reach::kNearby) return std::nullopt;
+  if (best >= kAlignedPx || one_point) {
+    if (reach == Reach::kNearby && !one_point) return std::nullopt;
     std::vector<std::pair<double, double>> all;
     const int steps = static_cast<int>(kReachS / kStepS);
     for (int i = -steps; i <= steps; ++i) {
@@ -74,7 +79,7 @@ std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b, 
     }
     const bool convinces =
         best < kConvincingPx && best < kConvincingShare * all[all.size() / 2].first;
-    if (!convinces) return std::nullopt;
+    if (reach == Reach::kNearby ? best >= kAlignedPx : !convinces) return std::nullopt;
   }
   if (best_s != 0 && !is_distinct(best_s)) return std::nullopt;
   return FoundOffset{best, OffsetToApply(best_s, a, b)};
@@ -201,6 +206,23 @@ double PeriodOfMotion(const std::vector<TrackPaths>& paths) {
   return FindMotionPeriod(*std::ranges::max_element(paths, {}, seen)).value_or(0);
 }
 
+// One point that moves smoothly fits a wrong offset nearby, too. Whether for any two clocks the
+// offsets that their motion says fit far better than the ones nearby.
+bool MotionContradicts(const RigObservations& rig, const std::vector<TrackPaths>& paths,
+                       const std::vector<ClockPair>& pairs, const ClockGroups& nearby,
+                       const ClockGroups& by_motion) {
+  return std::ranges::any_of(pairs, [&](const ClockPair& pair) {
+    const auto a = static_cast<size_t>(pair.a), b = static_cast<size_t>(pair.b);
+    const int clock_a = rig.index.clock_of_track[a], clock_b = rig.index.clock_of_track[b];
+    if (!nearby.Joined(clock_a, clock_b) || !by_motion.Joined(clock_a, clock_b)) return false;
+    const double nearby_s = nearby.Between(clock_a, clock_b);
+    const double motion_s = by_motion.Between(clock_a, clock_b);
+    if (std::abs(nearby_s - motion_s) < kSameS) return false;
+    PairScores scores(paths[a], paths[b], 0);
+    return scores.At(motion_s) < kFarBetterShare * scores.At(nearby_s);
+  });
+}
+
 // What is left of the groups if offsets of more than `most_s` do not count.
 ClockGroups Within(double most_s, const ClockGroups& groups) {
   ClockGroups kept(groups.size());
@@ -271,19 +293,35 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
   RIGCAL_RETURN_IF_ERROR(
       JoinPairs(rig, paths, nearby, Reach::kNearby, Part(hooks, 0, 0.2), &groups));
   TimeSearchOutcome found;
+  bool stamps_mislead = false;
   if (!hooks.only_nearby) {
     // Clocks of one session, one of which could be another period off.
     if (AnyApart(rig, ClockGroups(clocks->size()))) found.period_s = PeriodOfMotion(paths);
     if (found.period_s > 0) groups = Within(kDecidedPeriods * found.period_s, groups);
-    const ClockGroups before = groups;
-    if (AnyApart(rig, groups)) {
+    ClockGroups before = groups;
+    const bool one_point = std::ranges::all_of(
+        paths, [](const TrackPaths& track) { return track.markers.size() == 1; });
+    if (one_point && found.period_s == 0 && AnyApart(rig, ClockGroups(clocks->size()))) {
+      ClockGroups by_motion(clocks->size());
       RIGCAL_ASSIGN_OR_RETURN(
           found.ambiguous,
-          JoinByMotion(rig, paths, {Part(hooks, 0.2, 0.8).progress, hooks.cancelled}, &groups));
+          JoinByMotion(rig, paths, {Part(hooks, 0.2, 0.5).progress, hooks.cancelled}, &by_motion));
+      if (MotionContradicts(rig, paths, pairs, groups, by_motion)) {
+        stamps_mislead = true;
+        groups = by_motion;
+        before = ClockGroups(clocks->size());
+      } else {
+        found.ambiguous.clear();
+      }
+    }
+    if (AnyApart(rig, groups) && !stamps_mislead) {
+      RIGCAL_ASSIGN_OR_RETURN(
+          found.ambiguous,
+          JoinByMotion(rig, paths, {Part(hooks, 0.5, 0.8).progress, hooks.cancelled}, &groups));
     }
     found.by_motion = FoundByMotion(rig, *clocks, before, groups);
   }
-  if (AnyApart(rig, groups) && found.ambiguous.empty() && found.period_s == 0) {
+  if (AnyApart(rig, groups) && found.ambiguous.empty() && found.period_s == 0 && !stamps_mislead) {
     RIGCAL_RETURN_IF_ERROR(
         JoinPairs(rig, paths, pairs, Reach::kAnySecond, Part(hooks, 0.8, 1), &groups));
   }

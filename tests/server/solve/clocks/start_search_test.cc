@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -48,6 +49,47 @@ TEST(JoinByMotion, FindsEveryClock) {
   for (int k = 1; k < 5; ++k) {
     ASSERT_TRUE(groups.Joined(0, k)) << k;
     EXPECT_NEAR(groups.Between(0, k), offsets_s[static_cast<size_t>(k)], 0.003) << k;
+  }
+}
+
+// A point that moves by some pixels, with noise of a tenth of that: no pair of cameras says its
+// offset clearly.
+std::vector<TrackPaths> FarViews(const std::vector<double>& offsets_s, uint32_t seed) {
+  std::vector<TrackPaths> paths;
+  for (const double offset_s : offsets_s) {
+    paths.push_back(SyntheticPaths({.view = static_cast<int>(paths.size()),
+                                    .markers = 1,
+                                    .duration_s = 80,
+                                    .offset_s = offset_s,
+                                    .noise_px = 0.4,
+                                    .size = 0.02,
+                                    .seed = seed}));
+  }
+  return paths;
+}
+
+TEST(JoinByMotion, CandidatesCountWhereTheyAgree) {
+  const std::vector<double> offsets_s = {0, 31.4, -7.77, 0.6, 12.25};
+  for (uint32_t seed = 1; seed < 6; ++seed) {
+    const std::vector<TrackPaths> paths = FarViews(offsets_s, seed);
+    ClockGroups two(2), five(5);
+    ASSERT_THAT(JoinByMotion(RigOfTracks({"s", "s"}), paths, {}, &two), IsOk());
+    EXPECT_FALSE(two.Joined(0, 1)) << seed;
+    ASSERT_THAT(JoinByMotion(RigOfTracks({"s", "s", "s", "s", "s"}), paths, {}, &five), IsOk());
+    for (int k = 1; k < 5; ++k) {
+      EXPECT_TRUE(five.Joined(0, k)) << seed << " " << k;
+      EXPECT_NEAR(five.Between(0, k), offsets_s[static_cast<size_t>(k)], 0.15) << seed << " " << k;
+    }
+  }
+}
+
+TEST(JoinByMotion, CandidatesOfDifferentMotionsDoNotAgree) {
+  for (uint32_t seed = 1; seed < 40; seed += 5) {
+    std::vector<TrackPaths> paths;
+    for (uint32_t k = 0; k < 5; ++k) paths.push_back(FarViews({0, 0, 0, 0, 0}, seed + k)[k]);
+    ClockGroups groups(5);
+    ASSERT_THAT(JoinByMotion(RigOfTracks({"s", "s", "s", "s", "s"}), paths, {}, &groups), IsOk());
+    for (int k = 1; k < 5; ++k) EXPECT_FALSE(groups.Joined(0, k)) << seed << " " << k;
   }
 }
 

@@ -65,7 +65,7 @@ TrackPaths SyntheticPaths(const SyntheticView& view) {
     const double motion_s = view.start_s + (i + 0.37 * view.view) / view.rate_hz;
     for (size_t m = 0; m < view.markers; ++m) {
       const Eigen::Vector3d x_in_cam =
-          turn * motion.At(motion_s, kSpacingM * static_cast<double>(m)) +
+          turn * (view.size * motion.At(motion_s, kSpacingM * static_cast<double>(m))) +
           Eigen::Vector3d(0, 0, kDistanceM);
       paths.markers[m].time_s.push_back(motion_s - view.offset_s);
       paths.markers[m].ray.push_back(x_in_cam.hnormalized() +

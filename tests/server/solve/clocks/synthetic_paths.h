@@ -14,6 +14,7 @@ struct SyntheticView {
   double offset_s = 0;  // the motion's time minus the track's
   double period_s = 0;  // the motion repeats itself after so long; 0: never
   double noise_px = 0.3;
+  double size = 1;    // of the motion, against a usual wave
   uint32_t seed = 1;  // of the motion and the noise
 };
 

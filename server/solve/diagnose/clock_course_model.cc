@@ -16,9 +16,12 @@ namespace {
 // Added to each block's sigma: what interpolation leaves.
 constexpr double kFloorS = 1e-4;
 constexpr double kMinSizeS = 1.5e-3, kCourseSigmas = 5;
+// Several breaks are the best of very many placements.
+constexpr double kBreaksSigmas = 8;
 // Of the scatter about a constant must go, and with each further break of what is left.
 constexpr double kMustExplain = 0.7;
 constexpr size_t kMaxBreaks = 3;
+constexpr int kCornerRounds = 2, kCornerSteps = 8;
 // Blocks between two breaks, and more of them than parameters.
 constexpr size_t kMinBlocksBetween = 2, kMinFreedom = 3;
 // Columns of a model: straight line and breaks, or a parabola.
@@ -32,6 +35,7 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxColu
 struct Break {
   size_t block = 0;  // first one after it
   bool within = false;
+  double after_s = 0;  // of a corner: its time, from that of the block
 };
 
 // Blocks as a linear function of time, whose unit is half the recording.
@@ -56,7 +60,26 @@ class CourseFit {
   double middle_s() const { return middle_s_; }
   double half_s() const { return half_s_; }
   // Of a break, in seconds.
-  double BreakTimeS(const Break& at) const { return blocks_[at.block].time_s; }
+  double BreakTimeS(const Break& at) const { return blocks_[at.block].time_s + at.after_s; }
+
+  // Its corners where they fit best, between the blocks around them.
+  Model WithFinerCorners(Model model) const {
+    if (model.kind != CourseKind::kCorners) return model;
+    for (int round = 0; round < kCornerRounds; ++round) {
+      for (size_t i = 0; i < model.breaks.size(); ++i) {
+        const size_t block = model.breaks[i].block;
+        for (int k = 1 - kCornerSteps; k < kCornerSteps; ++k) {
+          std::vector<Break> breaks = model.breaks;
+          const size_t next = k < 0 ? block - 1 : std::min(block + 1, blocks_.size() - 1);
+          breaks[i].after_s =
+              std::abs(k) * (blocks_[next].time_s - blocks_[block].time_s) / kCornerSteps;
+          std::optional<Model> finer = Fit(model.kind, model.degree, std::move(breaks));
+          if (finer && finer->chi2 < model.chi2) model = *std::move(finer);
+        }
+      }
+    }
+    return model;
+  }
 
   // None where the blocks do not determine it.
   std::optional<Model> Fit(CourseKind kind, int degree, std::vector<Break> breaks) const {
@@ -123,7 +146,7 @@ class CourseFit {
     for (int i = 0; i <= model.degree; ++i) row[i] = std::pow(TimeOf(b), i);
     Eigen::Index column = model.degree;
     for (const Break& at : model.breaks) {
-      const double since = TimeOf(b) - TimeOf(at.block);
+      const double since = (blocks_[b].time_s - BreakTimeS(at)) / half_s_;
       row[++column] = model.kind == CourseKind::kCorners ? std::max(0.0, since) : since >= 0;
     }
     return row;
@@ -148,7 +171,7 @@ void ForEachPlacement(size_t blocks, size_t count, size_t beside, bool may_be_wi
     for (size_t block = from; block + beside <= blocks; ++block) {
       for (const bool within : {false, true}) {
         if (within && (!may_be_within || block + beside >= blocks)) continue;
-        breaks.push_back({block, within});
+        breaks.push_back({block, within, 0});
         place(block + kMinBlocksBetween + (within ? 1 : 0));
         breaks.pop_back();
       }
@@ -192,15 +215,16 @@ std::optional<Model> BestWith(const CourseFit& fit, size_t blocks, size_t count)
 bool IsSignificant(const CourseFit& fit, const Model& model) {
   if (model.kind == CourseKind::kConstant) return false;
   const double scatter = std::sqrt(fit.ScatterOf(model));
-  const auto large = [scatter](double size_s, double sigma_s) {
-    return std::abs(size_s) > std::max(kMinSizeS, kCourseSigmas * sigma_s * scatter);
+  const double sigmas = model.breaks.size() > 1 ? kBreaksSigmas : kCourseSigmas;
+  const auto large = [&](double size_s, double sigma_s) {
+    return std::abs(size_s) > std::max(kMinSizeS, sigmas * sigma_s * scatter);
   };
   if (!large(model.size_s, model.sigma_s)) return false;
   for (Eigen::Index i = model.degree + 1; i < model.coefficients.size(); ++i) {
     if (model.kind == CourseKind::kSteps && !large(model.coefficients[i], model.sigmas[i])) {
       return false;
     }
-    if (std::abs(model.coefficients[i]) < kCourseSigmas * model.sigmas[i] * scatter) return false;
+    if (std::abs(model.coefficients[i]) < sigmas * model.sigmas[i] * scatter) return false;
   }
   return true;
 }
@@ -215,19 +239,25 @@ void ChooseCourseModel(const std::vector<CourseBlock>& blocks, ClockCourse* cour
   if (!constant) return;
   Model best = *constant;
   const double log_count = std::log(static_cast<double>(blocks.size()));
-  for (size_t breaks = 0; breaks <= kMaxBreaks; ++breaks) {
-    // Three where two are better than one.
-    if (breaks == kMaxBreaks && best.breaks.size() + 1 < breaks) break;
-    std::optional<Model> model = BestWith(fit, blocks.size(), breaks);
-    if (!model || !IsSignificant(fit, *model)) continue;
-    const double least_scatter = std::min(fit.ScatterOf(*model), fit.ScatterOf(best));
+  const auto explains_more = [&](const Model& model, const Model& than) {
+    const double least_scatter = std::min(fit.ScatterOf(model), fit.ScatterOf(than));
     const auto criterion = [&](const Model& of) {
       return of.chi2 / least_scatter + of.parameters * log_count;
     };
-    if (criterion(*model) >= criterion(best)) continue;
+    return criterion(model) < criterion(than);
+  };
+  for (size_t breaks = 0; breaks <= kMaxBreaks; ++breaks) {
+    const std::optional<Model> model = BestWith(fit, blocks.size(), breaks);
+    if (!model || !explains_more(*model, best)) {
+      // One more may do: two steps may take each other back.
+      if (breaks < 2) continue;
+      break;
+    }
+    if (!IsSignificant(fit, *model)) continue;
     if (breaks > 1 && model->chi2 >= (1 - kMustExplain) * best.chi2) continue;
-    best = *std::move(model);
+    best = *model;
   }
+  best = fit.WithFinerCorners(std::move(best));
   if (best.kind == CourseKind::kConstant || best.chi2 >= (1 - kMustExplain) * constant->chi2) {
     return;
   }

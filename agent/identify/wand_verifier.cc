@@ -170,7 +170,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
               kTiltCost * std::log(std::max(0.01, std::cos(wand.fit.tilt_rad)));
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (static_cast<int>(k) == candidate.partial) {
-      wand.cost += kPartialCost;
+      wand.cost += kPartialCost + candidate.partial_cost;
     } else if (!wand.whole[k]) {
       wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
     }

@@ -23,7 +23,8 @@ namespace {
 constexpr double kModelSigmaPx = 0.006;
 
 // Of wands of which a marker is hidden.
-constexpr size_t kMaxWithHidden = 12, kMaxPartial = 12;
+constexpr size_t kMaxPartial = 12;
+constexpr double kWorkOfPlaces = 12000;  // in pixels, where hidden markers may be
 constexpr double kPartialConfidence = 0.6;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
@@ -186,27 +187,23 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
 
 // A wand of which one marker is mostly hidden.
 Verdict WandDetector::SearchPartial(const ImageView& image) {
-  // The rounder things first: whole markers.
-  standing_out_.clear();
+  std::vector<WholeMarker> wholes;
   for (const Spot& spot : spot_finder_.spots()) {
-    if (IsRound(spot.blob) && !spot.blob.touches_border) standing_out_.push_back(spot.blob);
+    if (!IsRound(spot.blob) || spot.blob.touches_border) continue;
+    wholes.push_back({spot.blob, spot.core, spot.doubt});
   }
-  const size_t whole = standing_out_.size();
-  for (const Spot& spot : spot_finder_.spots()) {
-    if (!IsRound(spot.blob) || spot.blob.touches_border) standing_out_.push_back(spot.blob);
-  }
-  for (const Blob& blob : result().blobs) {
-    if (!IsRound(blob)) standing_out_.push_back(blob);
-  }
-  // Two things and a part of a third are found by chance among many.
-  if (whole < 2 || standing_out_.size() > kMaxWithHidden) return Verdict();
-  candidates_ = FindPartialWands(wand_finder_, standing_out_, whole, kMaxPartial);
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
+  double places = std::min(work, kWorkOfPlaces);
+  work -= places;
+  PartialWands found = FindPartialWands(image, wand_finder_, wholes, kMaxPartial, &places);
+  work += std::max(0.0, places);
+  standing_out_ = std::move(found.blobs);
+  candidates_ = std::move(found.candidates);
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
                                      kMaxFits - fits_left_, &work);
   work_left_ += work;
-  if (verdict.measured < candidates_.size()) verdict.wand.reset();
+  if (found.cut_short || verdict.measured < candidates_.size()) verdict.wand.reset();
   if (verdict.wand && (verdict.wand->confidence < kPartialConfidence ||
                        verdict.wand->label_confidence < kPartialConfidence)) {
     verdict.wand.reset();

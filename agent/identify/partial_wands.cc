@@ -23,15 +23,18 @@ constexpr size_t kMaxPairs = 30;
 constexpr double kPairBrightness = 0.3, kPairColour = 0.12, kMaxPairCost = 12;
 constexpr double kMaxSizeCost = 9;
 constexpr double kCommonRadiusPx = 0.8;  // of both, by blur and the mask's limit
-constexpr double kStepRadii = 0.4;  // along the line, between places that are looked at
-constexpr int kMaxSteps = 40;
+constexpr double kStepRadii = 0.25;      // along the line, between places that are looked at
+constexpr int kSteps = 48;               // of the ratio of their depths
 // Of a pixel that looks like them.
 constexpr float kDarkest = 0.6f, kBrightest = 1.5f, kColour = 0.13f;
-constexpr double kGapPx = 1.2, kLeastRingPx = 2, kRingRadii = 0.3;
-constexpr double kFullRadiusPx = 10;  // larger ones are read more coarsely
+constexpr double kGapPx = 1.2, kGapRadii = 0.08, kLeastRingPx = 2, kRingRadii = 0.3;
+constexpr double kFullRadiusPx = 5;    // larger ones are read more coarsely
+constexpr double kWorkOfPixel = 0.25;  // against one that is measured
 // Of a part, against the whole marker.
-constexpr double kLeastShare = 0.07, kLeastSolidPx = 1, kLeastSolid = 0.02, kMostAround = 0.2, kInImage = 0.25;
+constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
+                 kInImage = 0.25;
 constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 3;
+constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
 
 double Squared(double x) { return x * x; }
 
@@ -82,89 +85,86 @@ struct Part {
   Blob blob;
 };
 
-class PartMeter {
- public:
-  explicit PartMeter(const ImageView& image) : image_(image) {}
+void Count(int x, int y, ComponentSums* sums) {
+  sums->area += 1;
+  sums->x += x;
+  sums->y += y;
+  sums->xx += int64_t{x} * x;
+  sums->xy += int64_t{x} * y;
+  sums->yy += int64_t{y} * y;
+  sums->min_x = std::min(sums->min_x, x);
+  sums->max_x = std::max(sums->max_x, x);
+  sums->min_y = std::min(sums->min_y, y);
+  sums->max_y = std::max(sums->max_y, y);
+}
 
-  // None where nothing of the others' look is there, or more than a marker of it.
-  std::optional<Part> LookAt(const Eigen::Vector2d& centre_px, double radius_px,
-                             const Eigen::Vector3f& core, double* work) {
-    const double from = radius_px + kGapPx;
-    const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
-    const int step = std::clamp(static_cast<int>(radius_px / kFullRadiusPx), 1, 4);
-    const auto low = [&](double at) { return std::max(0, static_cast<int>(std::ceil(at - to))); };
-    const auto high = [&](double at, int size) {
-      return std::min(size - 1, static_cast<int>(std::floor(at + to)));
-    };
-    const int x0 = low(centre_px.x()), x1 = high(centre_px.x(), image_.width);
-    const int y0 = low(centre_px.y()), y1 = high(centre_px.y(), image_.height);
-    if (x0 > x1 || y0 > y1) return std::nullopt;
-    const float brightness = core.norm();
-    const Eigen::Vector3f colour = core / brightness;
-    int disc = 0, ring = 0, around = 0, solid = 0;
-    const auto width = static_cast<size_t>((x1 - x0) / step + 1);
-    alike_.assign(3 * width, 0);  // of the last three rows, within the disc
-    ComponentSums sums;
-    for (int y = y0; y <= y1; y += step) {
-      std::rotate(alike_.begin(), alike_.begin() + static_cast<ptrdiff_t>(width), alike_.end());
-      uint8_t* const row = &alike_[2 * width];
-      std::fill_n(row, width, uint8_t{0});
-      for (int x = x0; x <= x1; x += step) {
-        const double squared = Squared(x - centre_px.x()) + Squared(y - centre_px.y());
-        const bool inside = squared <= radius_px * radius_px;
-        if (!inside && (squared < from * from || squared > to * to)) continue;
-        *work -= 1;
-        const Eigen::Vector3f grey = GreyAt(image_, x, y);
-        const float length = grey.norm();
-        const bool alike = length > kDarkest * brightness && length < kBrightest * brightness &&
-                           (grey / length - colour).squaredNorm() < kColour * kColour;
-        (inside ? disc : ring) += 1;
-        if (!alike) continue;
-        if (!inside) {
-          ++around;
-          continue;
-        }
-        row[static_cast<size_t>((x - x0) / step)] = 1;
-        Count(x, y, &sums);
+// None where nothing of the others' look is there, or more than a marker of it.
+std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre_px,
+                           double radius_px, const Eigen::Vector3f& core, double* work) {
+  const double from = radius_px + kGapPx + kGapRadii * radius_px;
+  const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
+  const int step = std::clamp(static_cast<int>(radius_px / kFullRadiusPx), 1, 4);
+  const auto low = [&](double at) { return std::max(0, static_cast<int>(std::ceil(at - to))); };
+  const auto high = [&](double at, int size) {
+    return std::min(size - 1, static_cast<int>(std::floor(at + to)));
+  };
+  const float brightness = core.norm();
+  const Eigen::Vector3f colour = core / brightness;
+  int brighter = 0;
+  const auto is_alike = [&](int x, int y) {
+    *work -= kWorkOfPixel;
+    const Eigen::Vector3f grey = GreyAt(image, x, y);
+    const float length = grey.norm();
+    if (length >= kBrightest * brightness) ++brighter;
+    return length > kDarkest * brightness && length < kBrightest * brightness &&
+           (grey / length - colour).squaredNorm() < kColour * kColour;
+  };
+  const auto neighbours_alike = [&](int x, int y) {
+    if (x == 0 || y == 0 || x + 1 == image.width || y + 1 == image.height) return 0;
+    return int{is_alike(x - 1, y)} + int{is_alike(x + 1, y)} + int{is_alike(x, y - 1)} +
+           int{is_alike(x, y + 1)};
+  };
+  int disc = 0, ring = 0, around = 0, solid = 0, nearly_solid = 0;
+  ComponentSums sums;
+  for (int y = low(centre_px.y()); y <= high(centre_px.y(), image.height); y += step) {
+    for (int x = low(centre_px.x()); x <= high(centre_px.x(), image.width); x += step) {
+      const double squared = Squared(x - centre_px.x()) + Squared(y - centre_px.y());
+      const bool inside = squared <= radius_px * radius_px;
+      if (!inside && (squared < from * from || squared > to * to)) continue;
+      (inside ? disc : ring) += 1;
+      if (!is_alike(x, y)) continue;
+      if (!inside) {
+        ++around;
+        continue;
       }
-      // Of the row before: with all four neighbours.
-      for (size_t i = 1; i + 1 < width; ++i) {
-        const uint8_t* const middle = &alike_[width + i];
-        solid += middle[0] & middle[-1] & middle[1] & alike_[i] & row[i];
-      }
+      const int alike = neighbours_alike(x, y);
+      solid += alike == 4 ? 1 : 0;
+      nearly_solid += alike >= 3 ? 1 : 0;
+      Count(x, y, &sums);
     }
-    const double pixels = std::numbers::pi * radius_px * radius_px / (step * step);
-    if (disc < kInImage * pixels || ring == 0) return std::nullopt;
-    Part part;
-    part.share = static_cast<double>(sums.area) / disc;
-    part.around = static_cast<double>(around) / ring;
-    // The rim of something else has the others' colour by chance, but only a pixel wide.
-    if (part.share < kLeastShare || solid < std::max(kLeastSolidPx, kLeastSolid * disc) ||
-        part.around > kMostAround) {
-      return std::nullopt;
-    }
-    part.cost = Squared(part.around / kAroundSigma) +
-                kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
-    part.blob = ToBlob(sums, image_);
-    return part;
   }
-
- private:
-  static void Count(int x, int y, ComponentSums* sums) {
-    sums->area += 1;
-    sums->x += x;
-    sums->y += y;
-    sums->xx += int64_t{x} * x;
-    sums->xy += int64_t{x} * y;
-    sums->yy += int64_t{y} * y;
-    sums->min_x = std::min(sums->min_x, x);
-    sums->max_x = std::max(sums->max_x, x);
-    sums->min_y = std::min(sums->min_y, y);
-    sums->max_y = std::max(sums->max_y, y);
+  const double pixels = std::numbers::pi * radius_px * radius_px / (step * step);
+  if (disc < kInImage * pixels || ring == 0) return std::nullopt;
+  Part part;
+  part.share = static_cast<double>(sums.area) / disc;
+  part.around = static_cast<double>(around) / ring;
+  // The rim of something brighter has the others' colour by chance, but only a pixel wide.
+  if (brighter == 0) solid = nearly_solid;
+  if (part.share < kLeastShare || solid < std::max(kLeastSolid, kLeastSolidShare * disc) ||
+      part.around > kMostAround) {
+    return std::nullopt;
   }
+  part.cost = Squared(part.around / kAroundSigma) +
+              kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
+  part.blob = ToBlob(sums, image);
+  return part;
+}
 
-  const ImageView& image_;
-  std::vector<uint8_t> alike_;
+// Where a marker must be, if the other two are so far away.
+struct Place {
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  double radius_px = 0;
+  double size_cost = 0;
 };
 
 // Two of the three markers, in the wand's order, and the one that is hidden.
@@ -175,8 +175,9 @@ constexpr Layout kLayouts[] = {{1, 2, 0}, {0, 2, 1}, {0, 1, 2}};
 
 class PartSearch {
  public:
-  PartSearch(const ImageView& image, const WandFinder& finder, double* work, PartialWands* found)
-      : meter_(image), finder_(finder), work_(*work), found_(*found) {}
+  PartSearch(const ImageView& image, const WandFinder& finder, absl::Span<const Blob> known_parts,
+             double* work, PartialWands* found)
+      : known_parts_(known_parts), image_(image), finder_(finder), work_(*work), found_(*found) {}
 
   // `a` and `b` are markers first and second.
   void Try(const WholeMarker& a, const WholeMarker& b, size_t index_a, size_t index_b,
@@ -192,38 +193,42 @@ class PartSearch {
     const double half = std::min(0.6, 0.5 * width * std::tan(options.max_tilt_rad));
     const double low = (1 - half) / (1 + half), high = (1 + half) / (1 - half);
     const Eigen::Vector3f core = 0.5f * (a.core + b.core);
-    const double length_px = (a.blob.centre_px - b.blob.centre_px).norm();
     const double radius = 0.5 * (sight_a.radius_px + sight_b.radius_px);
-    // A step moves the place by at * (1 - at) of it, relative to the two's distance.
-    const double lever = std::abs(at * (1 - at)) * length_px;
-    const int steps = std::clamp(
-        static_cast<int>(std::ceil(std::log(high / low) * lever / (kStepRadii * radius))), 2,
-        kMaxSteps);
     std::optional<Part> best;
-    for (int i = 0; i <= steps; ++i) {
-      const double ratio = low * std::pow(high / low, static_cast<double>(i) / steps);
+    std::optional<Place> place;
+    const auto look = [&] {
+      ++found_.tried;
+      std::optional<Part> part = LookAt(image_, place->centre_px, place->radius_px, core, &work_);
+      if (!part) part = KnownAt(place->centre_px, place->radius_px, a, b);
+      if (!part) return;
+      part->cost += place->size_cost;
+      if (!best || part->cost < best->cost ||
+          (part->cost == best->cost && part->share > best->share)) {
+        best = part;
+      }
+    };
+    Eigen::Vector2d begin_px = Eigen::Vector2d::Zero();
+    for (int i = 0; i <= kSteps; ++i) {
+      const double ratio = low * std::pow(high / low, static_cast<double>(i) / kSteps);
       const Eigen::Vector3d line = ratio * sight_b.ray - sight_a.ray;
       const double first_m = span_m / line.norm();
       const double size_cost = SizeCost(sight_a, sight_b, first_m, ratio * first_m);
       if (!(size_cost <= kMaxSizeCost)) continue;
       const Eigen::Vector3d hidden = sight_a.ray + at * line;
-      Eigen::Vector2d pixel;
-      if (!(hidden.z() > 0) || !finder_.ImageOf(hidden, &pixel)) continue;
-      const double its_radius =
-          0.5 * (sight_a.radius_px + ratio * sight_b.radius_px) / hidden.norm();
+      Place next{.size_cost = size_cost};
+      if (!(hidden.z() > 0) || !finder_.ImageOf(hidden, &next.centre_px)) continue;
+      next.radius_px = 0.5 * (sight_a.radius_px + ratio * sight_b.radius_px) / hidden.norm();
       if (work_ <= 0) {
         found_.cut_short = true;
         return;
       }
-      ++found_.tried;
-      std::optional<Part> part = meter_.LookAt(pixel, its_radius, core, &work_);
-      if (!part) continue;
-      part->cost += size_cost;
-      if (!best || part->cost < best->cost ||
-          (part->cost == best->cost && part->share > best->share)) {
-        best = part;
-      }
+      // Of places that are nearly the same the one that fits the sizes best.
+      const bool moved = place && (next.centre_px - begin_px).norm() > kStepRadii * next.radius_px;
+      if (moved) look();
+      if (!place || moved) begin_px = next.centre_px;
+      if (!place || moved || next.size_cost < place->size_cost) place = next;
     }
+    if (place) look();
     if (!best) return;
     WandCandidate candidate;
     candidate.partial = static_cast<int>(layout.hidden);
@@ -247,6 +252,22 @@ class PartSearch {
   }
 
  private:
+  // A sliver is darker than a whole marker, but where little has the wand's colour it may be known.
+  std::optional<Part> KnownAt(const Eigen::Vector2d& centre_px, double radius_px,
+                              const WholeMarker& a, const WholeMarker& b) const {
+    const double area_px = std::numbers::pi * radius_px * radius_px;
+    for (const Blob& blob : known_parts_) {
+      if ((blob.centre_px - centre_px).norm() > radius_px ||
+          blob.area_px > kLargestPart * area_px ||
+          (blob.centre_px - a.blob.centre_px).norm() < radius_px ||
+          (blob.centre_px - b.blob.centre_px).norm() < radius_px) {
+        continue;
+      }
+      return Part{.share = 0, .around = 0, .cost = kKnownCost, .blob = blob};
+    }
+    return std::nullopt;
+  }
+
   double SizeCost(const MarkerSight& a, const MarkerSight& b, double first_m,
                   double second_m) const {
     const WandImageFitOptions& options = finder_.fit_options();
@@ -268,7 +289,8 @@ class PartSearch {
     return Squared(difference_px / (1.5 * a.radius_sigma_px));
   }
 
-  PartMeter meter_;
+  absl::Span<const Blob> known_parts_;
+  const ImageView& image_;
   const WandFinder& finder_;
   double& work_;
   PartialWands& found_;
@@ -283,12 +305,13 @@ void LoosenSight(double radius_px, MarkerSight* sight) {
 }
 
 PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
-                              absl::Span<const WholeMarker> wholes, size_t max_candidates,
+                              absl::Span<const WholeMarker> wholes,
+                              absl::Span<const Blob> known_parts, size_t max_candidates,
                               double* work) {
   PartialWands found;
   if (finder.shares().size() != kMarkers) return found;
   for (const WholeMarker& whole : wholes) found.blobs.push_back(whole.blob);
-  PartSearch search(image, finder, work, &found);
+  PartSearch search(image, finder, known_parts, work, &found);
   for (const Pair& pair : AlikePairs(wholes)) {
     const WholeMarker &a = wholes[pair.first], &b = wholes[pair.last];
     MarkerSight ray_a, ray_b;

@@ -29,10 +29,12 @@ struct PartialWands {
 // outline. By the sizes of the two and their distance from each other, only some of the six ways
 // in which they can be two of the three are possible, and each says where the third one is. Two
 // spheres alone say neither which markers they are nor which way the wand points: the part does,
-// so there is none without it. At most `max_candidates`. `work`: pixels that may be read, less
+// so there is none without it. `known_parts`, where few things have the wand's colour: any of them
+// may be a part. At most `max_candidates`. `work`: pixels that may be read, less
 // those that were.
 PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
-                              absl::Span<const WholeMarker> wholes, size_t max_candidates,
+                              absl::Span<const WholeMarker> wholes,
+                              absl::Span<const Blob> known_parts, size_t max_candidates,
                               double* work);
 
 // As a part of a marker is placed: within the marker. `radius_px`: of the whole marker.

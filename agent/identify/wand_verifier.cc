@@ -18,7 +18,7 @@ constexpr double kCostScale = 2.5;
 constexpr double kTriedCost = 1.15, kFewTried = 20;
 constexpr double kTiltCost = 4;      // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
-constexpr double kPartialCost = 4;
+constexpr double kPartialCost = 4, kPartialUnlikeness = 3;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
@@ -175,6 +175,8 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
     }
   }
+  // Without the third the other two must be the more alike.
+  if (candidate.partial >= 0) wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand);
   wand.confidence = ConfidenceOf(wand.cost);
   return wand;
 }

@@ -23,9 +23,9 @@ namespace {
 constexpr double kModelSigmaPx = 0.006;
 
 // Of wands of which a marker is hidden.
-constexpr size_t kMaxPartial = 12;
+constexpr size_t kMaxPartial = 12, kFewThings = 12;
 constexpr double kWorkOfPlaces = 12000;  // in pixels, where hidden markers may be
-constexpr double kPartialConfidence = 0.6;
+constexpr double kPartialConfidence = 0.65;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
 constexpr int kMaxFits = 500;  // of wands to spots, 4 us each
@@ -192,19 +192,34 @@ Verdict WandDetector::SearchPartial(const ImageView& image) {
     if (!IsRound(spot.blob) || spot.blob.touches_border) continue;
     wholes.push_back({spot.blob, spot.core, spot.doubt});
   }
+  double places = std::min(work_left_, kWorkOfPlaces);
+  work_left_ -= places;
+  const bool few = spot_finder_.spots().size() <= kFewThings && result().blobs.size() <= kFewThings;
+  std::vector<Blob> parts;
+  if (few) {
+    for (const Spot& spot : spot_finder_.spots()) parts.push_back(spot.blob);
+    for (const Blob& blob : result().blobs) parts.push_back(blob);
+  }
+  PartialWands found = FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places);
+  work_left_ += std::max(0.0, places);
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
-  double places = std::min(work, kWorkOfPlaces);
-  work -= places;
-  PartialWands found = FindPartialWands(image, wand_finder_, wholes, kMaxPartial, &places);
-  work += std::max(0.0, places);
   standing_out_ = std::move(found.blobs);
   candidates_ = std::move(found.candidates);
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
                                      kMaxFits - fits_left_, &work);
   work_left_ += work;
-  if (found.cut_short || verdict.measured < candidates_.size()) verdict.wand.reset();
-  if (verdict.wand && (verdict.wand->confidence < kPartialConfidence ||
+  if (verdict.wand && (found.cut_short || verdict.measured < candidates_.size())) {
+    // What was left out may be as good.
+    const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
+      return one.blobs == verdict.wand->blobs;
+    });
+    const bool is_rival = verdict.measured < candidates_.size() &&
+                          candidates_[verdict.measured].cost < chosen->cost + kSureCost;
+    if (is_rival || (found.cut_short && chosen->cost > kSureCost)) verdict.wand.reset();
+  }
+  // Two things and a part of a third are found by chance among many.
+  if (verdict.wand && ((!few && verdict.wand->confidence < kPartialConfidence) ||
                        verdict.wand->label_confidence < kPartialConfidence)) {
     verdict.wand.reset();
   }

@@ -41,8 +41,8 @@ struct WandFinderOptions {
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
   WandImageFit fit;
-  double cost = 0;   // as is known before it is measured; the finder leaves it to its caller
-  int partial = -1;  // the marker of which only a part is seen (FindPartialWands)
+  double cost = 0;          // as is known before it is measured; the finder leaves it to its caller
+  int partial = -1;         // the marker of which only a part is seen (FindPartialWands)
   double partial_cost = 0;  // that it is a part of one, as a chi-squared
 };
 

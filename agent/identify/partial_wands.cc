@@ -32,7 +32,7 @@ constexpr double kFullRadiusPx = 5;    // larger ones are read more coarsely
 constexpr double kWorkOfPixel = 0.25;  // against one that is measured
 // Of a part, against the whole marker.
 constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
-                 kInImage = 0.25;
+                 kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
 constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 3;
 constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
 
@@ -111,11 +111,13 @@ std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre
   const float brightness = core.norm();
   const Eigen::Vector3f colour = core / brightness;
   int brighter = 0;
+  bool as_bright = false;  // the last pixel, whatever its colour
   const auto is_alike = [&](int x, int y) {
     *work -= kWorkOfPixel;
     const Eigen::Vector3f grey = GreyAt(image, x, y);
     const float length = grey.norm();
     if (length >= kBrightest * brightness) ++brighter;
+    as_bright = length > kDarkest * brightness;
     return length > kDarkest * brightness && length < kBrightest * brightness &&
            (grey / length - colour).squaredNorm() < kColour * kColour;
   };
@@ -124,7 +126,7 @@ std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre
     return int{is_alike(x - 1, y)} + int{is_alike(x + 1, y)} + int{is_alike(x, y - 1)} +
            int{is_alike(x, y + 1)};
   };
-  int disc = 0, ring = 0, around = 0, solid = 0, nearly_solid = 0;
+  int disc = 0, ring = 0, around = 0, solid = 0, nearly_solid = 0, other = 0;
   ComponentSums sums;
   for (int y = low(centre_px.y()); y <= high(centre_px.y(), image.height); y += step) {
     for (int x = low(centre_px.x()); x <= high(centre_px.x(), image.width); x += step) {
@@ -132,14 +134,16 @@ std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre
       const bool inside = squared <= radius_px * radius_px;
       if (!inside && (squared < from * from || squared > to * to)) continue;
       (inside ? disc : ring) += 1;
-      if (!is_alike(x, y)) continue;
+      const bool alike = is_alike(x, y);
+      if (inside && as_bright && !alike) ++other;
+      if (!alike) continue;
       if (!inside) {
         ++around;
         continue;
       }
-      const int alike = neighbours_alike(x, y);
-      solid += alike == 4 ? 1 : 0;
-      nearly_solid += alike >= 3 ? 1 : 0;
+      const int neighbours = neighbours_alike(x, y);
+      solid += neighbours == 4 ? 1 : 0;
+      nearly_solid += neighbours >= 3 ? 1 : 0;
       Count(x, y, &sums);
     }
   }
@@ -150,6 +154,10 @@ std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre
   part.around = static_cast<double>(around) / ring;
   // The rim of something brighter has the others' colour by chance, but only a pixel wide.
   if (brighter == 0) solid = nearly_solid;
+  // What hides a marker is hardly as bright as it is: that is a lamp or a label with a rim.
+  if (other > std::max(kMostOther * disc, kOtherShare * static_cast<double>(sums.area))) {
+    return std::nullopt;
+  }
   if (part.share < kLeastShare || solid < std::max(kLeastSolid, kLeastSolidShare * disc) ||
       part.around > kMostAround) {
     return std::nullopt;

@@ -17,7 +17,8 @@ constexpr double kHalfCost = 11.5;  // confidence 0.5
 constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.15, kFewTried = 20;
-constexpr double kTiltCost = 4;      // of the logarithm of its cosine
+constexpr double kResolvedPx = 5.5, kUnresolvedCost = 2.7;  // per pixel of the radius
+constexpr double kTiltCost = 4;                             // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kPartialCost = 4, kPartialUnlikeness = 3;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
@@ -47,6 +48,19 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
   return !blob.touches_border && !centre.cut && centre.alike < kMostAlike &&
          centre.skewness < 0.02 + 4 * centre.skewness_sigma &&
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
+}
+
+// Two small spheres look like any two small things, such as labels on books.
+double UnresolvedCost(const VerifiedWand& wand) {
+  double radius_px = 0;
+  int count = 0;
+  for (size_t k = 0; k < wand.whole.size(); ++k) {
+    if (!wand.whole[k]) continue;
+    radius_px += wand.centres[k].radius_px;
+    ++count;
+  }
+  if (count == 0) return 0;
+  return kUnresolvedCost * std::max(0.0, kResolvedPx - radius_px / count);
 }
 
 }  // namespace
@@ -154,6 +168,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
     }
   }
+  if (occluded > 0 && in_room_) wand.cost += UnresolvedCost(wand);
   // Without the third the other two must be the more alike.
   if (candidate.partial >= 0) wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand);
   wand.confidence = ConfidenceOf(wand.cost);
@@ -303,8 +318,9 @@ void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
 
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
                              const WandFinder& finder, absl::Span<const WandCandidate> candidates,
-                             int tried, double* work) {
+                             int tried, bool in_room, double* work) {
   chance_cost_ = kTriedCost * std::log(1 + tried / kFewTried);
+  in_room_ = in_room;
   work_ = *work;
   out_of_work_ = false;
   size_t count = 0;

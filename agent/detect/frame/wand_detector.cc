@@ -74,6 +74,11 @@ bool WandDetector::IsCrowded() const {
          ShareOf(result().passed_px) > kCrowdedShare;
 }
 
+bool WandDetector::IsLit(const ImageView& image) {
+  if (!is_lit_) is_lit_ = LitShare(image) >= kLeastLit;
+  return *is_lit_;
+}
+
 // By what was done, so that it is the same on every computer.
 double WandDetector::EstimatedMs() const {
   return spot_finder_.EstimatedMs() +
@@ -101,7 +106,7 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
     if (has_rivals_ || !IsCrowded()) break;
   }
   // No light of a dark room whitens a sphere.
-  if (!is_white && LitShare(image) < kLeastLit) return verdict;
+  if (!is_white && !IsLit(image)) return verdict;
   for (const size_t level : SpotFinder::kPaleLevels) {
     if (search(level)) return verdict;
   }
@@ -165,7 +170,7 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
-                                     kMaxFits - fits_left_, &work);
+                                     kMaxFits - fits_left_, IsLit(image), &work);
   work_left_ += work;
   has_rivals_ = verdict.ambiguous;
   const bool all = verdict.measured == order.size();
@@ -207,7 +212,7 @@ Verdict WandDetector::SearchPartial(const ImageView& image) {
   standing_out_ = std::move(found.blobs);
   candidates_ = std::move(found.candidates);
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
-                                     kMaxFits - fits_left_, &work);
+                                     kMaxFits - fits_left_, IsLit(image), &work);
   work_left_ += work;
   if (verdict.wand && (found.cut_short || verdict.measured < candidates_.size())) {
     // What was left out may be as good.
@@ -307,6 +312,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   detection.observation.markers.resize(static_cast<size_t>(target_.marker_count()));
 
   cut_short_ = false;
+  is_lit_.reset();
   passed_share_ = white_share_ = 0;
   spot_finder_.BeginImage();
   fits_left_ = kMaxFits;

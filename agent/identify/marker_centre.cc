@@ -28,8 +28,9 @@ constexpr double kModelNoise = 0.015;  // of its model, in units of coverage
 constexpr int kMosaicTries = 3;        // of an image
 constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
 constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
-constexpr double kRimPx = 5;           // further inside every fifth pixel is enough
-constexpr double kInsideStep = 5.3;    // not in step with a mosaic
+constexpr float kMostWhite = 6;
+constexpr double kRimPx = 5;         // further inside every fifth pixel is enough
+constexpr double kInsideStep = 5.3;  // not in step with a mosaic
 constexpr double kEnoughPixels = 700;
 constexpr double kArcPx = 3;  // of the background
 // The background right beside the outline, where something else is near.
@@ -338,7 +339,8 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     const int channel = mosaic_->Channel(x, y);
     if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
     pixels->Add(at_x, at_y, above[channel] / range[channel],
-                1 / std::hypot(single_noise / range[channel], model_noise));
+                1 / std::hypot(single_noise / range[channel], model_noise),
+                std::min(kMostWhite, range.maxCoeff() / std::abs(range[channel])));
   });
   pixels->FillUp();
 }

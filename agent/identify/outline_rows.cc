@@ -18,6 +18,7 @@ namespace {
 // Half width of the edge in sigmas: its density is (1 - t^2)^2, of variance 1/7.
 constexpr float kReach = 2.6457513f;
 constexpr float kLeastShape = 0.05f;
+constexpr float kLeastFacing = 0.02f;
 
 constexpr size_t kGroup = OutlinePixels::kGroup;
 
@@ -41,6 +42,7 @@ RIGCAL_CLONES void Multiply(const float* __restrict a, const float* __restrict b
 
 // One group.
 RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restrict at_y,
+                             const float* __restrict shading, float white,
                              const float* __restrict parameters, float* __restrict rows) {
   float q[kOutlineCount];
   std::copy_n(parameters, kOutlineCount, q);
@@ -73,17 +75,29 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
     const float clip = n > 1 ? per_n : 1;
     const float vx = clip * ux, vy = clip * uy;
     const float along = vx * vx - vy * vy, diagonal = 2 * vx * vy;
-    const float round = vx * vx + vy * vy - 0.5f;
-    const float light = q[kOutlineBrightness] + q[kOutlineSlopeX] * vx + q[kOutlineSlopeY] * vy +
-                        q[kOutlineBendAlong] * along + q[kOutlineBendDiagonal] * diagonal +
+    const float squared_v = vx * vx + vy * vy, round = squared_v - 0.5f;
+    // Towards the camera; its slope has no end at the rim.
+    const float facing = 1 - squared_v < kLeastFacing ? kLeastFacing : 1 - squared_v;
+    const float nz = std::sqrt(facing);
+    const float lambert =
+        q[kOutlineSlopeX] * vx + q[kOutlineSlopeY] * vy + q[kOutlineBendAlong] * nz;
+    const float lit = lambert > 0 ? shading[i] : 0;
+    // Which of the two models.
+    const float w = white, p = 1 - white;
+    const float slope_by = p + w * lit;
+    const float along_by = p * along + w * lit * nz;
+    const float light = q[kOutlineBrightness] +
+                        slope_by * (q[kOutlineSlopeX] * vx + q[kOutlineSlopeY] * vy) +
+                        along_by * q[kOutlineBendAlong] + p * q[kOutlineBendDiagonal] * diagonal +
                         q[kOutlineBendRound] * round;
     // Change of the light with u; beyond the outline only round it.
-    const float raw_x =
-        q[kOutlineSlopeX] +
-        2 * ((q[kOutlineBendAlong] + q[kOutlineBendRound]) * vx + q[kOutlineBendDiagonal] * vy);
-    const float raw_y =
-        q[kOutlineSlopeY] +
-        2 * ((q[kOutlineBendRound] - q[kOutlineBendAlong]) * vy + q[kOutlineBendDiagonal] * vx);
+    const float along_w = w * lit * q[kOutlineBendAlong] / nz;
+    const float raw_x = slope_by * q[kOutlineSlopeX] - along_w * vx +
+                        2 * ((p * q[kOutlineBendAlong] + q[kOutlineBendRound]) * vx +
+                             p * q[kOutlineBendDiagonal] * vy);
+    const float raw_y = slope_by * q[kOutlineSlopeY] - along_w * vy +
+                        2 * ((q[kOutlineBendRound] - p * q[kOutlineBendAlong]) * vy +
+                             p * q[kOutlineBendDiagonal] * vx);
     const float outwards = n > 1 ? raw_x * vx + raw_y * vy : 0;
     const float light_x = cover * clip * (raw_x - outwards * vx);
     const float light_y = cover * clip * (raw_y - outwards * vy);
@@ -102,10 +116,10 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
     out(kOutlineEdgeCos, i) = by_sigma2 * cos2;
     out(kOutlineEdgeSin, i) = by_sigma2 * sin2;
     out(kOutlineBrightness, i) = cover;
-    out(kOutlineSlopeX, i) = cover * vx;
-    out(kOutlineSlopeY, i) = cover * vy;
-    out(kOutlineBendAlong, i) = cover * along;
-    out(kOutlineBendDiagonal, i) = cover * diagonal;
+    out(kOutlineSlopeX, i) = cover * slope_by * vx;
+    out(kOutlineSlopeY, i) = cover * slope_by * vy;
+    out(kOutlineBendAlong, i) = cover * along_by;
+    out(kOutlineBendDiagonal, i) = p * cover * diagonal;
     out(kOutlineBendRound, i) = cover * round;
   }
 }
@@ -113,25 +127,28 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
 }  // namespace
 
 void OutlinePixels::Clear() {
-  for (auto* values : {&x, &y, &coverage, &precision}) values->clear();
+  for (auto* values : {&x, &y, &coverage, &precision, &white}) values->clear();
 }
 
-void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_precision) {
+void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_precision,
+                        float its_white) {
   x.push_back(at_x);
   y.push_back(at_y);
   coverage.push_back(its_coverage);
   precision.push_back(its_precision);
+  white.push_back(its_white);
 }
 
 void OutlinePixels::FillUp() {
   while (!x.empty() && x.size() % kGroup != 0) Add(x.back(), y.back(), coverage.back(), 0);
 }
 
-void OutlineRows::Model(const OutlinePixels& pixels, const float* parameters) {
+void OutlineRows::Model(const OutlinePixels& pixels, const float* parameters, bool white_light) {
   const size_t groups = pixels.size() / kGroup;
   rows_.resize(groups * kStride);
   for (size_t g = 0; g < groups; ++g) {
-    FillGroup(&pixels.x[g * kGroup], &pixels.y[g * kGroup], parameters, &rows_[g * kStride]);
+    FillGroup(&pixels.x[g * kGroup], &pixels.y[g * kGroup], &pixels.white[g * kGroup],
+              white_light ? 1.0f : 0.0f, parameters, &rows_[g * kStride]);
   }
 }
 

@@ -17,9 +17,9 @@ enum OutlineParameter : int {
   kOutlineEdgeCos,     // b
   kOutlineEdgeSin,     // c
   kOutlineBrightness,  // a
-  kOutlineSlopeX,      // g
+  kOutlineSlopeX,      // g; of white light Dx and Dy
   kOutlineSlopeY,
-  kOutlineBendAlong,     // h1
+  kOutlineBendAlong,     // h1; of white light Dz
   kOutlineBendDiagonal,  // h2
   kOutlineBendRound,     // h3
   kOutlineCount
@@ -32,9 +32,12 @@ struct OutlinePixels {
   std::vector<float> x, y;       // px
   std::vector<float> coverage;   // see CoveragePixel
   std::vector<float> precision;  // 1 / sigma of the coverage; 0: counts nothing
+  // How strongly white light shades the coverage of this pixel's channel, against the channel in
+  // which the marker stands out most; 1 where all channels are measured.
+  std::vector<float> white;
 
   void Clear();
-  void Add(float at_x, float at_y, float its_coverage, float its_precision);
+  void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1);
   void FillUp();
   size_t size() const { return x.size(); }
 };
@@ -43,8 +46,9 @@ struct OutlinePixels {
 // each of kGroup pixels.
 class OutlineRows {
  public:
-  // Fills it with the model of `parameters` (kOutlineCount of them).
-  void Model(const OutlinePixels& pixels, const float* parameters);
+  // Fills it with the model of `parameters` (kOutlineCount of them). `white_light`: it is white
+  // light that shades the sphere, not its own.
+  void Model(const OutlinePixels& pixels, const float* parameters, bool white_light = false);
 
   float value(size_t pixel) const { return Of(kOutlineCount, pixel); }
   float slope(OutlineParameter parameter, size_t pixel) const { return Of(parameter, pixel); }

@@ -1,25 +1,308 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/identify/partial_wands.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <tuple>
+
+#include "agent/identify/ring_background.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr size_t kMarkers = 3;
-constexpr double kMaxRatio = 1.5;      // of the radii of two markers
-constexpr double kPerspective = 0.35;  // that much nearer or farther along the line, relative
-constexpr double kLargestPart = 1.3;   // of a marker's area
-constexpr double kPartSigma = 0.5;     // radii; the centre of a part is within the marker
+constexpr double kPartSigma = 0.5;  // radii; the centre of a part is within the marker
 constexpr double kWholePlacePx = 0.3, kWholePlaceShare = 0.03;
-constexpr double kWholeRadiusPx = 0.35, kWholeRadiusShare = 0.06;
+constexpr double kWholeRadiusPx = 0.35, kWholeRadiusShare = 0.08;
 constexpr double kMaxPartialCost = 14;
-constexpr int kMaxPartialFits = 150;
+// Of two whole markers.
+constexpr size_t kMaxPairs = 30;
+constexpr double kPairBrightness = 0.3, kPairColour = 0.12, kMaxPairCost = 12;
+constexpr double kMaxSizeCost = 9;
+constexpr double kCommonRadiusPx = 0.8;  // of both, by blur and the mask's limit
+constexpr double kStepRadii = 0.25;      // along the line, between places that are looked at
+constexpr int kSteps = 48;               // of the ratio of their depths
+// Of a pixel that looks like them.
+constexpr float kDarkest = 0.6f, kBrightest = 1.5f, kColour = 0.13f;
+constexpr double kGapPx = 1.2, kGapRadii = 0.08, kLeastRingPx = 2, kRingRadii = 0.3;
+constexpr double kFullRadiusPx = 5;    // larger ones are read more coarsely
+constexpr double kWorkOfPixel = 0.25;  // against one that is measured
+// Of a part, against the whole marker.
+constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
+                 kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
+constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 3;
+constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
+
+double Squared(double x) { return x * x; }
 
 double RadiusOf(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::pi); }
+
+MarkerSight SightOf(const Blob& blob, const MarkerSight& ray) {
+  MarkerSight sight = ray;
+  sight.radius_px = RadiusOf(blob);
+  sight.sigma_px = kWholePlacePx + kWholePlaceShare * sight.radius_px;
+  sight.radius_sigma_px = kWholeRadiusPx + kWholeRadiusShare * sight.radius_px;
+  return sight;
+}
+
+struct Pair {
+  double cost;
+  size_t first, last;
+};
+
+// Those that are alike, the most alike first.
+std::vector<Pair> AlikePairs(absl::Span<const WholeMarker> wholes) {
+  std::vector<Pair> pairs;
+  for (size_t i = 0; i < wholes.size(); ++i) {
+    for (size_t j = i + 1; j < wholes.size(); ++j) {
+      const WholeMarker &a = wholes[i], &b = wholes[j];
+      const double ri = RadiusOf(a.blob), rj = RadiusOf(b.blob);
+      if (ri > 1.6 * rj + 1 || rj > 1.6 * ri + 1) continue;
+      if ((a.blob.centre_px - b.blob.centre_px).norm() < ri + rj) continue;
+      const float ga = std::max(1.0f, a.core.norm()), gb = std::max(1.0f, b.core.norm());
+      const double cost =
+          Squared(static_cast<double>(std::log(ga / gb)) / kPairBrightness) +
+          static_cast<double>((a.core / ga - b.core / gb).squaredNorm()) / Squared(kPairColour) +
+          a.doubt + b.doubt;
+      if (cost <= kMaxPairCost) pairs.push_back({cost, i, j});
+    }
+  }
+  std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
+    return std::tie(a.cost, a.first, a.last) < std::tie(b.cost, b.first, b.last);
+  });
+  if (pairs.size() > kMaxPairs) pairs.resize(kMaxPairs);
+  return pairs;
+}
+
+// What is seen where a marker must be.
+struct Part {
+  double share = 0;   // of the marker's disc that looks like the others
+  double around = 0;  // the same of a ring around it
+  double cost = 0;
+  Blob blob;
+};
+
+void Count(int x, int y, ComponentSums* sums) {
+  sums->area += 1;
+  sums->x += x;
+  sums->y += y;
+  sums->xx += int64_t{x} * x;
+  sums->xy += int64_t{x} * y;
+  sums->yy += int64_t{y} * y;
+  sums->min_x = std::min(sums->min_x, x);
+  sums->max_x = std::max(sums->max_x, x);
+  sums->min_y = std::min(sums->min_y, y);
+  sums->max_y = std::max(sums->max_y, y);
+}
+
+// None where nothing of the others' look is there, or more than a marker of it.
+std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre_px,
+                           double radius_px, const Eigen::Vector3f& core, double* work) {
+  const double from = radius_px + kGapPx + kGapRadii * radius_px;
+  const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
+  const int step = std::clamp(static_cast<int>(radius_px / kFullRadiusPx), 1, 4);
+  const auto low = [&](double at) { return std::max(0, static_cast<int>(std::ceil(at - to))); };
+  const auto high = [&](double at, int size) {
+    return std::min(size - 1, static_cast<int>(std::floor(at + to)));
+  };
+  const float brightness = core.norm();
+  const Eigen::Vector3f colour = core / brightness;
+  int brighter = 0;
+  bool as_bright = false;  // the last pixel, whatever its colour
+  const auto is_alike = [&](int x, int y) {
+    *work -= kWorkOfPixel;
+    const Eigen::Vector3f grey = GreyAt(image, x, y);
+    const float length = grey.norm();
+    if (length >= kBrightest * brightness) ++brighter;
+    as_bright = length > kDarkest * brightness;
+    return length > kDarkest * brightness && length < kBrightest * brightness &&
+           (grey / length - colour).squaredNorm() < kColour * kColour;
+  };
+  const auto neighbours_alike = [&](int x, int y) {
+    if (x == 0 || y == 0 || x + 1 == image.width || y + 1 == image.height) return 0;
+    return int{is_alike(x - 1, y)} + int{is_alike(x + 1, y)} + int{is_alike(x, y - 1)} +
+           int{is_alike(x, y + 1)};
+  };
+  int disc = 0, ring = 0, around = 0, solid = 0, nearly_solid = 0, other = 0;
+  ComponentSums sums;
+  for (int y = low(centre_px.y()); y <= high(centre_px.y(), image.height); y += step) {
+    for (int x = low(centre_px.x()); x <= high(centre_px.x(), image.width); x += step) {
+      const double squared = Squared(x - centre_px.x()) + Squared(y - centre_px.y());
+      const bool inside = squared <= radius_px * radius_px;
+      if (!inside && (squared < from * from || squared > to * to)) continue;
+      (inside ? disc : ring) += 1;
+      const bool alike = is_alike(x, y);
+      if (inside && as_bright && !alike) ++other;
+      if (!alike) continue;
+      if (!inside) {
+        ++around;
+        continue;
+      }
+      const int neighbours = neighbours_alike(x, y);
+      solid += neighbours == 4 ? 1 : 0;
+      nearly_solid += neighbours >= 3 ? 1 : 0;
+      Count(x, y, &sums);
+    }
+  }
+  const double pixels = std::numbers::pi * radius_px * radius_px / (step * step);
+  if (disc < kInImage * pixels || ring == 0) return std::nullopt;
+  Part part;
+  part.share = static_cast<double>(sums.area) / disc;
+  part.around = static_cast<double>(around) / ring;
+  // The rim of something brighter has the others' colour by chance, but only a pixel wide.
+  if (brighter == 0) solid = nearly_solid;
+  // What hides a marker is hardly as bright as it is: that is a lamp or a label with a rim.
+  if (other > std::max(kMostOther * disc, kOtherShare * static_cast<double>(sums.area))) {
+    return std::nullopt;
+  }
+  if (part.share < kLeastShare || solid < std::max(kLeastSolid, kLeastSolidShare * disc) ||
+      part.around > kMostAround) {
+    return std::nullopt;
+  }
+  part.cost = Squared(part.around / kAroundSigma) +
+              kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
+  part.blob = ToBlob(sums, image);
+  return part;
+}
+
+// Where a marker must be, if the other two are so far away.
+struct Place {
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  double radius_px = 0;
+  double size_cost = 0;
+};
+
+// Two of the three markers, in the wand's order, and the one that is hidden.
+struct Layout {
+  size_t first, second, hidden;
+};
+constexpr Layout kLayouts[] = {{1, 2, 0}, {0, 2, 1}, {0, 1, 2}};
+
+class PartSearch {
+ public:
+  PartSearch(const ImageView& image, const WandFinder& finder, absl::Span<const Blob> known_parts,
+             double* work, PartialWands* found)
+      : known_parts_(known_parts), image_(image), finder_(finder), work_(*work), found_(*found) {}
+
+  // `a` and `b` are markers first and second.
+  void Try(const WholeMarker& a, const WholeMarker& b, size_t index_a, size_t index_b,
+           const MarkerSight& sight_a, const MarkerSight& sight_b, const Layout& layout,
+           double pair_cost) {
+    const WandImageFitOptions& options = finder_.fit_options();
+    const auto shares = finder_.shares();
+    const double span = shares[layout.second] - shares[layout.first];
+    const double at = (shares[layout.hidden] - shares[layout.first]) / span;
+    const double span_m = span * finder_.length_m();
+    // Limits of the depth of the second over that of the first.
+    const double width = (sight_a.ray - sight_b.ray).norm();
+    const double half = std::min(0.6, 0.5 * width * std::tan(options.max_tilt_rad));
+    const double low = (1 - half) / (1 + half), high = (1 + half) / (1 - half);
+    const Eigen::Vector3f core = 0.5f * (a.core + b.core);
+    const double radius = 0.5 * (sight_a.radius_px + sight_b.radius_px);
+    std::optional<Part> best;
+    std::optional<Place> place;
+    const auto look = [&] {
+      ++found_.tried;
+      std::optional<Part> part = LookAt(image_, place->centre_px, place->radius_px, core, &work_);
+      if (!part) part = KnownAt(place->centre_px, place->radius_px, a, b);
+      if (!part) return;
+      part->cost += place->size_cost;
+      if (!best || part->cost < best->cost ||
+          (part->cost == best->cost && part->share > best->share)) {
+        best = part;
+      }
+    };
+    Eigen::Vector2d begin_px = Eigen::Vector2d::Zero();
+    for (int i = 0; i <= kSteps; ++i) {
+      const double ratio = low * std::pow(high / low, static_cast<double>(i) / kSteps);
+      const Eigen::Vector3d line = ratio * sight_b.ray - sight_a.ray;
+      const double first_m = span_m / line.norm();
+      const double size_cost = SizeCost(sight_a, sight_b, first_m, ratio * first_m);
+      if (!(size_cost <= kMaxSizeCost)) continue;
+      const Eigen::Vector3d hidden = sight_a.ray + at * line;
+      Place next{.size_cost = size_cost};
+      if (!(hidden.z() > 0) || !finder_.ImageOf(hidden, &next.centre_px)) continue;
+      next.radius_px = 0.5 * (sight_a.radius_px + ratio * sight_b.radius_px) / hidden.norm();
+      if (work_ <= 0) {
+        found_.cut_short = true;
+        return;
+      }
+      // Of places that are nearly the same the one that fits the sizes best.
+      const bool moved = place && (next.centre_px - begin_px).norm() > kStepRadii * next.radius_px;
+      if (moved) look();
+      if (!place || moved) begin_px = next.centre_px;
+      if (!place || moved || next.size_cost < place->size_cost) place = next;
+    }
+    if (place) look();
+    if (!best) return;
+    WandCandidate candidate;
+    candidate.partial = static_cast<int>(layout.hidden);
+    candidate.blobs.resize(kMarkers);
+    candidate.blobs[layout.first] = static_cast<int>(index_a);
+    candidate.blobs[layout.second] = static_cast<int>(index_b);
+    candidate.blobs[layout.hidden] = static_cast<int>(found_.blobs.size());
+    absl::InlinedVector<MarkerSight, 4> sights(kMarkers);
+    sights[layout.first] = sight_a;
+    sights[layout.second] = sight_b;
+    if (!finder_.Sight(best->blob.centre_px, &sights[layout.hidden])) return;
+    LoosenSight(radius, &sights[layout.hidden]);
+    if (!FitWand(sights, shares, finder_.length_m(), options, &candidate.fit) ||
+        candidate.fit.cost > kMaxPartialCost) {
+      return;
+    }
+    candidate.cost = candidate.fit.cost + pair_cost + best->cost;
+    candidate.partial_cost = best->cost;
+    found_.blobs.push_back(best->blob);
+    found_.candidates.push_back(candidate);
+  }
+
+ private:
+  // A sliver is darker than a whole marker, but where little has the wand's colour it may be known.
+  std::optional<Part> KnownAt(const Eigen::Vector2d& centre_px, double radius_px,
+                              const WholeMarker& a, const WholeMarker& b) const {
+    const double area_px = std::numbers::pi * radius_px * radius_px;
+    for (const Blob& blob : known_parts_) {
+      if ((blob.centre_px - centre_px).norm() > radius_px ||
+          blob.area_px > kLargestPart * area_px ||
+          (blob.centre_px - a.blob.centre_px).norm() < radius_px ||
+          (blob.centre_px - b.blob.centre_px).norm() < radius_px) {
+        continue;
+      }
+      return Part{.share = 0, .around = 0, .cost = kKnownCost, .blob = blob};
+    }
+    return std::nullopt;
+  }
+
+  double SizeCost(const MarkerSight& a, const MarkerSight& b, double first_m,
+                  double second_m) const {
+    const WandImageFitOptions& options = finder_.fit_options();
+    if (!(std::min(first_m, second_m) >= options.min_distance_m) ||
+        !(std::max(first_m, second_m) <= options.max_distance_m)) {
+      return 2 * kMaxSizeCost;
+    }
+    if (options.diameter_m > 0) {
+      const auto excess_px = [&](const MarkerSight& sight, double distance_m) {
+        return sight.radius_px - 0.5 * options.diameter_m * sight.scale_px / distance_m;
+      };
+      const double of_a = excess_px(a, first_m), of_b = excess_px(b, second_m);
+      const double variance = Squared(a.radius_sigma_px);
+      return Squared(0.5 * (of_a + of_b)) / (Squared(kCommonRadiusPx) + 0.5 * variance) +
+             Squared(of_a - of_b) / (2 * variance);
+    }
+    const double difference_px =
+        a.radius_px - b.radius_px * second_m / first_m * a.scale_px / b.scale_px;
+    return Squared(difference_px / (1.5 * a.radius_sigma_px));
+  }
+
+  absl::Span<const Blob> known_parts_;
+  const ImageView& image_;
+  const WandFinder& finder_;
+  double& work_;
+  PartialWands& found_;
+};
 
 }  // namespace
 
@@ -29,72 +312,32 @@ void LoosenSight(double radius_px, MarkerSight* sight) {
   sight->radius_sigma_px = 10 * radius_px;
 }
 
-std::vector<WandCandidate> FindPartialWands(const WandFinder& finder, absl::Span<const Blob> blobs,
-                                            size_t whole_count, size_t max_candidates) {
-  std::vector<WandCandidate> candidates;
-  if (finder.shares().size() != kMarkers) return candidates;
-  const auto sight_of = [&](const Blob& blob, MarkerSight* sight) {
-    if (!finder.Sight(blob.centre_px, sight)) return false;
-    const double radius = RadiusOf(blob);
-    sight->radius_px = radius;
-    sight->sigma_px = kWholePlacePx + kWholePlaceShare * radius;
-    sight->radius_sigma_px = kWholeRadiusPx + kWholeRadiusShare * radius;
-    return true;
-  };
-  int fits = 0;
-  for (size_t i = 0; i < whole_count; ++i) {
-    for (size_t j = 0; j < whole_count; ++j) {
-      const double ri = RadiusOf(blobs[i]), rj = RadiusOf(blobs[j]);
-      if (i == j || ri > kMaxRatio * rj || rj > kMaxRatio * ri) continue;
-      const Eigen::Vector2d line = blobs[j].centre_px - blobs[i].centre_px;
-      const double squared = line.squaredNorm(), radius = std::max(ri, rj);
-      if (squared < radius * radius) continue;
-      for (size_t p = 0; p < blobs.size(); ++p) {
-        if (p == i || p == j ||
-            blobs[p].area_px > kLargestPart * std::numbers::pi * radius * radius) {
-          continue;
-        }
-        const Eigen::Vector2d d = blobs[p].centre_px - blobs[i].centre_px;
-        const double across = (d.x() * line.y() - d.y() * line.x()) / std::sqrt(squared);
-        if (std::abs(across) > radius + 1) continue;
-        const double at = d.dot(line) / squared;
-        for (size_t part = 0; part < kMarkers; ++part) {
-          // i and j are the other two, in the wand's order.
-          const size_t first = part == 0 ? 1 : 0, second = part == 2 ? 1 : 2;
-          const double span = finder.shares()[second] - finder.shares()[first];
-          const double expected = (finder.shares()[part] - finder.shares()[first]) / span;
-          const double slack =
-              kPerspective * std::abs(expected) * std::max(0.3, std::abs(1 - expected)) +
-              (radius + 1) / std::sqrt(squared);
-          if (std::abs(at - expected) > slack || ++fits > kMaxPartialFits) continue;
-          absl::InlinedVector<MarkerSight, 4> sights(kMarkers);
-          WandCandidate candidate;
-          candidate.partial = static_cast<int>(part);
-          candidate.blobs.resize(kMarkers);
-          candidate.blobs[first] = static_cast<int>(i);
-          candidate.blobs[second] = static_cast<int>(j);
-          candidate.blobs[part] = static_cast<int>(p);
-          if (!sight_of(blobs[i], &sights[first]) || !sight_of(blobs[j], &sights[second]) ||
-              !sight_of(blobs[p], &sights[part])) {
-            continue;
-          }
-          LoosenSight(0.5 * (ri + rj), &sights[part]);
-          if (!FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(),
-                       &candidate.fit) ||
-              candidate.fit.cost > kMaxPartialCost) {
-            continue;
-          }
-          candidates.push_back(candidate);
-        }
-      }
+PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
+                              absl::Span<const WholeMarker> wholes,
+                              absl::Span<const Blob> known_parts, size_t max_candidates,
+                              double* work) {
+  PartialWands found;
+  if (finder.shares().size() != kMarkers) return found;
+  for (const WholeMarker& whole : wholes) found.blobs.push_back(whole.blob);
+  PartSearch search(image, finder, known_parts, work, &found);
+  for (const Pair& pair : AlikePairs(wholes)) {
+    const WholeMarker &a = wholes[pair.first], &b = wholes[pair.last];
+    MarkerSight ray_a, ray_b;
+    if (!finder.Sight(a.blob.centre_px, &ray_a) || !finder.Sight(b.blob.centre_px, &ray_b)) {
+      continue;
+    }
+    const MarkerSight sight_a = SightOf(a.blob, ray_a), sight_b = SightOf(b.blob, ray_b);
+    for (const Layout& layout : kLayouts) {
+      search.Try(a, b, pair.first, pair.last, sight_a, sight_b, layout, pair.cost);
+      search.Try(b, a, pair.last, pair.first, sight_b, sight_a, layout, pair.cost);
     }
   }
-  std::sort(candidates.begin(), candidates.end(),
+  std::sort(found.candidates.begin(), found.candidates.end(),
             [](const WandCandidate& a, const WandCandidate& b) {
-              return std::tie(a.fit.cost, a.blobs) < std::tie(b.fit.cost, b.blobs);
+              return std::tie(a.cost, a.blobs) < std::tie(b.cost, b.blobs);
             });
-  if (candidates.size() > max_candidates) candidates.resize(max_candidates);
-  return candidates;
+  if (found.candidates.size() > max_candidates) found.candidates.resize(max_candidates);
+  return found;
 }
 
 }  // namespace rigcal::agent

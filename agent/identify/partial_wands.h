@@ -1,21 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <vector>
 
 #include "absl/types/span.h"
+#include "agent/detect/blobs/image_view.h"
 #include "agent/identify/wand_finder.h"
 
 namespace rigcal::agent {
 
-// Wands of three markers of which one is mostly hidden: two whole blobs, and a third one where the
-// hidden marker must be, that is a part of it. By cost; at most `max_candidates`.
-//
-// The first `whole_count` blobs can be whole markers, all of them parts of one. Two blobs alone say
-// neither which markers they are nor which way the wand points: the part does, so there is none
-// without it.
-std::vector<WandCandidate> FindPartialWands(const WandFinder& finder, absl::Span<const Blob> blobs,
-                                            size_t whole_count, size_t max_candidates);
+// A blob that can be a whole marker.
+struct WholeMarker {
+  Blob blob;
+  Eigen::Vector3f core;  // mean of its middle, by channel
+  double doubt = 0;      // that it is a sphere, as a chi-squared
+};
+
+struct PartialWands {
+  std::vector<WandCandidate> candidates;  // by cost; blobs: index into `blobs`
+  std::vector<Blob> blobs;                // the whole ones as they were given, then the parts
+  int tried = 0;                          // places that were looked at
+  bool cut_short = false;                 // not all of them, for the time
+};
+
+// Wands of three markers of which one is mostly hidden: two whole markers that are alike, and a
+// part of the third one where it must be, of their colour and brightness and not beyond its
+// outline. By the sizes of the two and their distance from each other, only some of the six ways
+// in which they can be two of the three are possible, and each says where the third one is. Two
+// spheres alone say neither which markers they are nor which way the wand points: the part does,
+// so there is none without it. `known_parts`, where few things have the wand's colour: any of them
+// may be a part. At most `max_candidates`. `work`: pixels that may be read, less
+// those that were.
+PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
+                              absl::Span<const WholeMarker> wholes,
+                              absl::Span<const Blob> known_parts, size_t max_candidates,
+                              double* work);
 
 // As a part of a marker is placed: within the marker. `radius_px`: of the whole marker.
 void LoosenSight(double radius_px, MarkerSight* sight);

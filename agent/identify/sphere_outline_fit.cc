@@ -13,7 +13,7 @@ namespace {
 
 // What is expected of the parameters, one sigma. Not of the place.
 constexpr double kShapeSigma = 0.04, kEdgeSigma = 1.5, kEdgeShapeSigma = 0.5;
-constexpr double kSlopeSigma = 0.5, kNoSlopeSigma = 1e-4, kBendSigma = 0.3;
+constexpr double kBendSigma = 0.3, kWhiteSigma = 1.5;
 constexpr double kUsualEdgePx2 = 0.5;  // a pixel's own width and a little blur
 constexpr float kCauchy = 2.4f;        // sigmas
 constexpr size_t kFewest = kOutlineCount + 8;
@@ -36,10 +36,11 @@ Eigen::Matrix2d SphereOutline::SecondMoment() const {
 }
 
 SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,
-                                                           const Vector& parameters) {
+                                                           const Vector& parameters,
+                                                           bool white_light) {
   const size_t count = pixels.size();
   const Eigen::Matrix<float, kOutlineCount, 1> single = parameters.cast<float>();
-  rows_.Model(pixels, single.data());
+  rows_.Model(pixels, single.data(), white_light);
   residual_.resize(count);
   weight_.resize(count);
   System system;
@@ -102,7 +103,7 @@ void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline
 }
 
 bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d& shape,
-                              bool shaded, SphereOutline* start) {
+                              const SphereShading& shading, SphereOutline* start) {
   if (pixels.size() < kFewest) return false;
   Vector q = Vector::Zero();
   q.head<2>() = start->centre_px;
@@ -118,7 +119,6 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   q[kOutlineShear] = root(0, 1) / half;
   const Vector expected = q;
   if (start->parameters[kOutlineRadius] > 0) q = start->parameters;
-  if (!shaded) q[kOutlineSlopeX] = q[kOutlineSlopeY] = 0;
   Vector prior = Vector::Zero();  // information
   const auto expect = [&](OutlineParameter parameter, double its_sigma) {
     prior[parameter] = 1 / (its_sigma * its_sigma);
@@ -127,13 +127,21 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   expect(kOutlineEdge, kEdgeSigma);
   for (const auto p : {kOutlineEdgeCos, kOutlineEdgeSin}) expect(p, kEdgeShapeSigma);
   for (const auto p : {kOutlineSlopeX, kOutlineSlopeY}) {
-    expect(p, shaded ? kSlopeSigma : kNoSlopeSigma);
+    expect(p, shading.white ? kWhiteSigma : shading.slope_sigma);
   }
   for (const auto p : {kOutlineBendAlong, kOutlineBendDiagonal, kOutlineBendRound}) {
     expect(p, kBendSigma);
   }
+  if (shading.white) {
+    expect(kOutlineBendAlong, kWhiteSigma);
+    // The half that is lit changes by twice the slope of the whole.
+    const double lit = q.segment<2>(kOutlineSlopeX).norm();
+    if (!start->white && lit > 0) q.segment<2>(kOutlineSlopeX) *= 2;
+    if (!start->white) q[kOutlineBendAlong] = q[kOutlineBendDiagonal] = 0;
+    if (!(lit > 0)) return false;
+  }
   const auto linearise = [&](const Vector& at) {
-    System system = Linearise(pixels, at);
+    System system = Linearise(pixels, at, shading.white);
     const Vector missing = expected - at;
     system.information.diagonal() += prior;
     system.gradient += prior.cwiseProduct(missing);
@@ -182,6 +190,12 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
                                  .dot(covariance.block<2, 2>(kOutlineSlopeX, kOutlineSlopeX)
                                           .ldlt()
                                           .solve(q.segment<2>(kOutlineSlopeX)));
+  const double brightness = std::max(0.1, q[kOutlineBrightness]);
+  start->slope = q.segment<2>(kOutlineSlopeX) / brightness;
+  start->slope_covariance =
+      covariance.block<2, 2>(kOutlineSlopeX, kOutlineSlopeX) / (brightness * brightness);
+  start->cost = system.cost;
+  start->white = shading.white;
   start->parameters = q;
   start->stretch = -q.segment<2>(kOutlineStretch);
   start->edge_px = std::sqrt(q[kOutlineEdge]);

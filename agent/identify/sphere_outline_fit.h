@@ -8,6 +8,15 @@
 
 namespace rigcal::agent {
 
+// What is expected of the light on a sphere.
+struct SphereShading {
+  static constexpr double kAnySlope = 0.5;  // leaves any light possible
+  double slope_sigma = kAnySlope;           // of the relative slopes of brightness
+  // White light shades it, more in the channels in which the marker itself is darker. Otherwise it
+  // is the marker's own light that is uneven, alike in all channels.
+  bool white = false;
+};
+
 struct SphereOutline {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();  // of the ellipse
   // By the noise that the pixels are said to have.
@@ -19,6 +28,8 @@ struct SphereOutline {
   double edge_px = 0;     // one sigma of the edge's softness
   double brightness = 1;  // in its middle, in units of coverage
   double residual = 0;    // root mean square, over one sigma of noise
+  double cost = 0;        // of the fit, robust, half a chi-squared
+  bool white = false;     // SphereShading::white
   // Sum of squares of how far the edge is from the outline, sector by sector, each over its
   // variance by the pixels' noise, and its degrees of freedom. Noise that neighbouring pixels share
   // and a model that does not fit make it larger.
@@ -26,6 +37,9 @@ struct SphereOutline {
   // Of the sectors around it, 0 to 1: those whose edge is on the outline, and those whose edge is
   // seen elsewhere. The others have no edge: something else is there, or the same grey.
   double on_outline = 0, off_outline = 0;
+  // Relative slopes of brightness, per radius, and their covariance by the same noise.
+  Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d slope_covariance = Eigen::Matrix2d::Identity();
   // Of the slopes of brightness (two degrees of freedom): normal noise alone gives 2 in the mean.
   double slope_chi_squared = 0;
   Eigen::Matrix<double, kOutlineCount, 1> parameters =
@@ -43,18 +57,22 @@ struct SphereOutline {
 // The model of a pixel at x is
 //   m = F(rho / sigma) (a + g . u + h1 (ux^2 - uy^2) + 2 h2 ux uy + h3 (|u|^2 - 1/2)),
 //   u = W (x - centre),   W = [1 + p, q; q, 1 - p] / radius,
+// or, where white light from one direction D shades it,
+//   m = F(rho / sigma) (a + w max(0, D . n) + h3 (|u|^2 - 1/2)),
+//   n = (ux, uy, sqrt(1 - |u|^2)),  towards the camera,  w: see OutlinePixels::white,
+// which is Lambert's law on a sphere; a polynomial for it moves the centre by up to 0.1 px;
 // with rho the distance to the outline |u| = 1 to first order, positive inside; F the distribution
 // of density (1 - t^2)^2, nearly normal and of finite extent; and sigma^2 = s (1 + b cos 2t + c sin
 // 2t) by the direction t of the outline's normal, so that motion blurs some sides more than others.
 // Levenberg-Marquardt with weights of the Cauchy distribution, weak priors for what a small image
-// does not determine. Without `shaded` the slopes g are 0: in a small image that is evenly lit they
-// cost precision and give nothing. Buffers are kept; one thread at a time.
+// does not determine. The slopes g are expected to be 0 within `slope_sigma`: in a small image that
+// is evenly lit they cost precision and give nothing. Buffers are kept; one thread at a time.
 class SphereOutlineFitter {
  public:
   // `pixels`: filled up to whole groups. `start`: centre and radius, or all parameters of an
   // earlier fit. `shape`: second moment of the coverage, whose axes give the ellipse's prior shape.
   // False: it did not converge, or to something else than a sphere where `start` is.
-  bool Fit(const OutlinePixels& pixels, const Eigen::Matrix2d& shape, bool shaded,
+  bool Fit(const OutlinePixels& pixels, const Eigen::Matrix2d& shape, const SphereShading& light,
            SphereOutline* start);
 
  private:
@@ -68,7 +86,7 @@ class SphereOutlineFitter {
     // Sums over the pixels: squared weight times squared residual; weight; its square.
     double squares = 0, weights = 0, slopes = 0;
   };
-  System Linearise(const OutlinePixels& pixels, const Vector& parameters);
+  System Linearise(const OutlinePixels& pixels, const Vector& parameters, bool white_light);
   void MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline) const;
 
   OutlineRows rows_;

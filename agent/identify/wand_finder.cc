@@ -101,6 +101,10 @@ bool WandFinder::Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) con
   return true;
 }
 
+bool WandFinder::ImageOf(const Eigen::Vector3d& point, Eigen::Vector2d* pixel) const {
+  return Project(intrinsics_, point, pixel) && Undistort(intrinsics_, *pixel).ok();
+}
+
 void WandFinder::ToSphereCentre(const WandImageFit& fit, size_t marker,
                                 MarkerObservation* observed) const {
   if (!(fit_options_.diameter_m > 0) || shares_.size() < 2) return;

@@ -41,8 +41,9 @@ struct WandFinderOptions {
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
   WandImageFit fit;
-  double cost = 0;   // as is known before it is measured; the finder leaves it to its caller
-  int partial = -1;  // the marker of which only a part is seen (FindPartialWands)
+  double cost = 0;          // as is known before it is measured; the finder leaves it to its caller
+  int partial = -1;         // the marker of which only a part is seen (FindPartialWands)
+  double partial_cost = 0;  // that it is a part of one, as a chi-squared
 };
 
 // In whatever order.
@@ -73,6 +74,8 @@ class WandFinder {
   // Sets ray and scale of a marker's image around `centre_px`; the rest stays.
   // False where the lens has no ray.
   bool Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) const;
+  // Where a point is seen; `point` in frame `cam`, of any scale. False where the lens has no ray.
+  bool ImageOf(const Eigen::Vector3d& point, Eigen::Vector2d* pixel) const;
   const WandImageFitOptions& fit_options() const { return fit_options_; }
   absl::Span<const double> shares() const { return shares_; }  // along the wand, 0 to 1
   double length_m() const { return length_m_; }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "agent/detect/blobs/blob_contrast.h"
+#include "agent/identify/outlined_centres.h"
 #include "agent/identify/partial_wands.h"
 
 namespace rigcal::agent {
@@ -16,9 +17,10 @@ constexpr double kHalfCost = 11.5;  // confidence 0.5
 constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.15, kFewTried = 20;
-constexpr double kTiltCost = 4;      // of the logarithm of its cosine
+constexpr double kResolvedPx = 5.5, kUnresolvedCost = 2.7;  // per pixel of the radius
+constexpr double kTiltCost = 4;                             // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
-constexpr double kPartialCost = 4;
+constexpr double kPartialCost = 4, kPartialUnlikeness = 3;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
@@ -38,16 +40,6 @@ constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
 constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
-constexpr double kLeastScatter = 0.3;
-constexpr double kShadingError = 0.03;          // radii, per relative slope of the light
-constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
-constexpr double kHiddenError = 1;              // radii, per share of the edge that is elsewhere
-constexpr double kLeastGapPx = 1;
-constexpr double kOwnScatter = 1.8, kFollowed = 9;  // of a sphere, against the wand's
-// Of a background, over all channels; of it against the sphere, where light from one side may be
-// as strong as the outlines' prior says.
-constexpr double kDarkGrey = 20, kUsualLit = 0.1, kMostDoubt = 2.5;
-constexpr double kShaded = 8;  // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
 
@@ -58,16 +50,17 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
 }
 
-// Another marker of the wand is so near that blur joins them.
-bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
-  const MarkerCentre& own = wand.centres[marker];
-  for (size_t k = 0; k < wand.centres.size(); ++k) {
-    const MarkerCentre& other = wand.centres[k];
-    const double gap_px =
-        (own.centre_px - other.centre_px).norm() - own.radius_px - other.radius_px;
-    if (k != marker && gap_px < kLeastGapPx + 4 * edge_px) return true;
+// Two small spheres look like any two small things, such as labels on books.
+double UnresolvedCost(const VerifiedWand& wand) {
+  double radius_px = 0;
+  int count = 0;
+  for (size_t k = 0; k < wand.whole.size(); ++k) {
+    if (!wand.whole[k]) continue;
+    radius_px += wand.centres[k].radius_px;
+    ++count;
   }
-  return false;
+  if (count == 0) return 0;
+  return kUnresolvedCost * std::max(0.0, kResolvedPx - radius_px / count);
 }
 
 }  // namespace
@@ -170,11 +163,14 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
               kTiltCost * std::log(std::max(0.01, std::cos(wand.fit.tilt_rad)));
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (static_cast<int>(k) == candidate.partial) {
-      wand.cost += kPartialCost;
+      wand.cost += kPartialCost + candidate.partial_cost;
     } else if (!wand.whole[k]) {
       wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
     }
   }
+  if (occluded > 0 && in_room_) wand.cost += UnresolvedCost(wand);
+  // Without the third the other two must be the more alike.
+  if (candidate.partial >= 0) wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand);
   wand.confidence = ConfidenceOf(wand.cost);
   return wand;
 }
@@ -254,7 +250,7 @@ const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& ima
   const MarkerCentre& centre = measured.centre;
   SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
   if (!centre.has_neighbour) {
-    if (fitter_.Fit(measured.pixels, centre.second_moment_px2, true, &outline)) {
+    if (fitter_.Fit(measured.pixels, centre.second_moment_px2, {}, &outline)) {
       measured.outline = outline;
     }
     return measured.outline;
@@ -266,7 +262,7 @@ const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& ima
   for (int round = 0; round < kNearRounds; ++round) {
     if (!meter_.CollectNear(image, around, centre, &measured.pixels)) return measured.outline;
     outline.parameters.setZero();
-    if (!fitter_.Fit(measured.pixels, around.second_moment_px2, true, &outline)) {
+    if (!fitter_.Fit(measured.pixels, around.second_moment_px2, {}, &outline)) {
       return measured.outline;
     }
     if (outline.on_outline < kHardlyOnOutline) return measured.outline;
@@ -309,82 +305,22 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
 }
 
 void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
-  double chi_squared = 0;
-  int count = 0;
-  for (size_t k = 0; k < wand->blobs.size(); ++k) {
-    if (!wand->whole[k]) continue;
-    const auto& outline = OutlineOf(image, wand->blobs[k]);
-    if (!outline) continue;
-    const double scatter = std::max(1.0, Squared(outline->residual));
-    chi_squared += outline->slope_chi_squared / scatter;
-    ++count;
-  }
-  const bool shaded = chi_squared >= kShaded * count;
-  absl::InlinedVector<std::optional<SphereOutline>, 3> outlines(wand->blobs.size());
-  // All spheres of a wand have the same mosaic, compression and blur.
-  double scatter = 0, freedom = 0;
+  OutlinedMarkers markers(wand->blobs.size());
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k] || !OutlineOf(image, wand->blobs[k])) continue;
-    // Its light reaches the outline, but not the centroid, of which both sides are cut.
-    if (IsCrowded(*wand, k, OutlineOf(image, wand->blobs[k])->edge_px) ||
-        (!shaded && !wand->outlined[k] && wand->centres[k].has_neighbour))
-      continue;
-    SphereOutline outline = *OutlineOf(image, wand->blobs[k]);
-    const auto measured = std::find_if(measured_.begin(), measured_.end(),
-                                       [&](const Measured& m) { return m.blob == wand->blobs[k]; });
-    if (!shaded &&
-        !fitter_.Fit(measured->pixels, measured->centre.second_moment_px2, false, &outline)) {
-      continue;
-    }
-    outlines[k] = outline;
-    scatter += outline.edge_chi_squared;
-    freedom += outline.edge_freedom;
+    const Measured& measured =
+        *std::find_if(measured_.begin(), measured_.end(),
+                      [&](const Measured& m) { return m.blob == wand->blobs[k]; });
+    markers[k] = {&*measured.outline, &measured.pixels};
   }
-  const double factor = std::max(kLeastScatter, freedom > 0 ? scatter / freedom : 1);
-  for (size_t k = 0; k < wand->blobs.size(); ++k) {
-    if (!wand->whole[k]) continue;
-    MarkerCentre& centre = wand->centres[k];
-    if (outlines[k]) {
-      centre.centre_px = outlines[k]->centre_px;
-      // One that is worse than the others by more than chance has something of its own, which the
-      // fit has half followed.
-      const SphereOutline& own = *outlines[k];
-      const double others = std::max(
-          kLeastScatter, freedom > own.edge_freedom + 1
-                             ? (scatter - own.edge_chi_squared) / (freedom - own.edge_freedom)
-                             : factor);
-      const double excess =
-          own.edge_chi_squared / std::max(1.0, own.edge_freedom) / others - kOwnScatter;
-      centre.covariance_px2 =
-          (excess > 0 ? others * (kOwnScatter + kFollowed * excess) : factor) * own.covariance_px2;
-    }
-    const auto& outline = OutlineOf(image, wand->blobs[k]);
-    if (!outline) continue;
-    if (outlines[k] && !shaded) {
-      // Light of a lit room from one side, which blur hides.
-      const double whole_grey = centre.plateau_grey.norm();
-      const double lit = (whole_grey - centre.contrast_grey - kDarkGrey) / whole_grey;
-      const double doubt = std::min(std::max(0.0, lit) / kUsualLit, kMostDoubt);
-      const double wider = 0.5 * (outline->covariance_px2 - outlines[k]->covariance_px2).trace();
-      centre.covariance_px2 += doubt * doubt * std::max(0.0, wider) * Eigen::Matrix2d::Identity();
-    }
-    double wrong_px = kHiddenError * outline->off_outline * outline->radius_px;
-    if (shaded) {
-      // Light from one side is not quite a polynomial, and moves a centroid.
-      const auto& parameters = outline->parameters;
-      const double slope = std::hypot(parameters[kOutlineSlopeX], parameters[kOutlineSlopeY]) /
-                           std::max(0.1, parameters[kOutlineBrightness]);
-      wrong_px = std::hypot(wrong_px, (outlines[k] ? kShadingError : kCentroidShadingError) *
-                                          slope * outline->radius_px);
-    }
-    centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
-  }
+  SetOutlinedCentres(markers, &fitter_, wand);
 }
 
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
                              const WandFinder& finder, absl::Span<const WandCandidate> candidates,
-                             int tried, double* work) {
+                             int tried, bool in_room, double* work) {
   chance_cost_ = kTriedCost * std::log(1 + tried / kFewTried);
+  in_room_ = in_room;
   work_ = *work;
   out_of_work_ = false;
   size_t count = 0;

@@ -30,10 +30,11 @@ class WandVerifier {
 
   // Candidates by their costs; what is clearly worse than a wand that was found is not measured.
   // `tried`: sets of blobs of this image that were compared with the wand; the more, the better a
-  // wand must be. `work`: pixels that may be read (MarkerMeter::WorkOf), less those that were; what
-  // would take more is left out.
+  // wand must be. `in_room`: of a lit room, in which much is as large as a small sphere. `work`:
+  // pixels that may be read (MarkerMeter::WorkOf), less those that were; what would take more is
+  // left out.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
-                 absl::Span<const WandCandidate> candidates, int tried, double* work);
+                 absl::Span<const WandCandidate> candidates, int tried, bool in_room, double* work);
 
  private:
   struct Measured {
@@ -60,6 +61,7 @@ class WandVerifier {
 
   double min_confidence_;
   double chance_cost_ = 0;
+  bool in_room_ = false;
   MarkerMeter meter_;
   SphereOutlineFitter fitter_;
   std::vector<Measured> measured_;  // the first measured_count_ are of this image

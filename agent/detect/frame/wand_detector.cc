@@ -23,8 +23,9 @@ namespace {
 constexpr double kModelSigmaPx = 0.006;
 
 // Of wands of which a marker is hidden.
-constexpr size_t kMaxWithHidden = 12, kMaxPartial = 12;
-constexpr double kPartialConfidence = 0.6;
+constexpr size_t kMaxPartial = 12, kFewThings = 12;
+constexpr double kWorkOfPlaces = 12000;  // in pixels, where hidden markers may be
+constexpr double kPartialConfidence = 0.65;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
 constexpr int kMaxFits = 500;  // of wands to spots, 4 us each
@@ -73,6 +74,11 @@ bool WandDetector::IsCrowded() const {
          ShareOf(result().passed_px) > kCrowdedShare;
 }
 
+bool WandDetector::IsLit(const ImageView& image) {
+  if (!is_lit_) is_lit_ = LitShare(image) >= kLeastLit;
+  return *is_lit_;
+}
+
 // By what was done, so that it is the same on every computer.
 double WandDetector::EstimatedMs() const {
   return spot_finder_.EstimatedMs() +
@@ -100,7 +106,7 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
     if (has_rivals_ || !IsCrowded()) break;
   }
   // No light of a dark room whitens a sphere.
-  if (!is_white && LitShare(image) < kLeastLit) return verdict;
+  if (!is_white && !IsLit(image)) return verdict;
   for (const size_t level : SpotFinder::kPaleLevels) {
     if (search(level)) return verdict;
   }
@@ -164,7 +170,7 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
-                                     kMaxFits - fits_left_, &work);
+                                     kMaxFits - fits_left_, IsLit(image), &work);
   work_left_ += work;
   has_rivals_ = verdict.ambiguous;
   const bool all = verdict.measured == order.size();
@@ -186,28 +192,39 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
 
 // A wand of which one marker is mostly hidden.
 Verdict WandDetector::SearchPartial(const ImageView& image) {
-  // The rounder things first: whole markers.
-  standing_out_.clear();
+  std::vector<WholeMarker> wholes;
   for (const Spot& spot : spot_finder_.spots()) {
-    if (IsRound(spot.blob) && !spot.blob.touches_border) standing_out_.push_back(spot.blob);
+    if (!IsRound(spot.blob) || spot.blob.touches_border) continue;
+    wholes.push_back({spot.blob, spot.core, spot.doubt});
   }
-  const size_t whole = standing_out_.size();
-  for (const Spot& spot : spot_finder_.spots()) {
-    if (!IsRound(spot.blob) || spot.blob.touches_border) standing_out_.push_back(spot.blob);
+  double places = std::min(work_left_, kWorkOfPlaces);
+  work_left_ -= places;
+  const bool few = spot_finder_.spots().size() <= kFewThings && result().blobs.size() <= kFewThings;
+  std::vector<Blob> parts;
+  if (few) {
+    for (const Spot& spot : spot_finder_.spots()) parts.push_back(spot.blob);
+    for (const Blob& blob : result().blobs) parts.push_back(blob);
   }
-  for (const Blob& blob : result().blobs) {
-    if (!IsRound(blob)) standing_out_.push_back(blob);
-  }
-  // Two things and a part of a third are found by chance among many.
-  if (whole < 2 || standing_out_.size() > kMaxWithHidden) return Verdict();
-  candidates_ = FindPartialWands(wand_finder_, standing_out_, whole, kMaxPartial);
+  PartialWands found = FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places);
+  work_left_ += std::max(0.0, places);
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
+  standing_out_ = std::move(found.blobs);
+  candidates_ = std::move(found.candidates);
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
-                                     kMaxFits - fits_left_, &work);
+                                     kMaxFits - fits_left_, IsLit(image), &work);
   work_left_ += work;
-  if (verdict.measured < candidates_.size()) verdict.wand.reset();
-  if (verdict.wand && (verdict.wand->confidence < kPartialConfidence ||
+  if (verdict.wand && (found.cut_short || verdict.measured < candidates_.size())) {
+    // What was left out may be as good.
+    const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
+      return one.blobs == verdict.wand->blobs;
+    });
+    const bool is_rival = verdict.measured < candidates_.size() &&
+                          candidates_[verdict.measured].cost < chosen->cost + kSureCost;
+    if (is_rival || (found.cut_short && chosen->cost > kSureCost)) verdict.wand.reset();
+  }
+  // Two things and a part of a third are found by chance among many.
+  if (verdict.wand && ((!few && verdict.wand->confidence < kPartialConfidence) ||
                        verdict.wand->label_confidence < kPartialConfidence)) {
     verdict.wand.reset();
   }
@@ -295,6 +312,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   detection.observation.markers.resize(static_cast<size_t>(target_.marker_count()));
 
   cut_short_ = false;
+  is_lit_.reset();
   passed_share_ = white_share_ = 0;
   spot_finder_.BeginImage();
   fits_left_ = kMaxFits;

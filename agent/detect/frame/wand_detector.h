@@ -55,6 +55,7 @@ class WandDetector {
   const BlobResult& result() const { return spot_finder_.result(); }
   double ShareOf(int64_t count_px) const;
   bool IsCrowded() const;
+  bool IsLit(const ImageView& image);
   double EstimatedMs() const;
   double Unlikeness(const WandCandidate& candidate) const;
   Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
@@ -84,6 +85,7 @@ class WandDetector {
   bool cut_short_ = false;
   bool has_rivals_ = false;  // the last Search measured two wands that are equally good
   double passed_share_ = 0, white_share_ = 0;
+  std::optional<bool> is_lit_;  // more than a dark room's spots; none: not looked at yet
 };
 
 }  // namespace rigcal::agent

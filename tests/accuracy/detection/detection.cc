@@ -193,7 +193,11 @@ void PrintRoomCase(const std::string& name, const DetectionOptions& options, boo
   }
 }
 
-void PrintRooms(const DetectionOptions& plain, bool verbose) {
+bool IsWanted(const SeedOptions& seeds, const std::string& name) {
+  return seeds.only.empty() || name.find(seeds.only) != std::string::npos;
+}
+
+void PrintRooms(const DetectionOptions& plain, const SeedOptions& seeds) {
   fmt::print(
       "\nrooms, a third of the frames without a wand; markers are those of wands with two or more "
       "to be seen\n"
@@ -202,9 +206,10 @@ void PrintRooms(const DetectionOptions& plain, bool verbose) {
       "room                       frames  wands markers   no wand   a wand     rms    bias   NEES  "
       "median   worst\n");
   for (const DetectionCase& entry : RoomCases(FindPhotographs())) {
+    if (!IsWanted(seeds, entry.name)) continue;
     DetectionOptions options = plain;
     entry.change(&options);
-    PrintRoomCase(entry.name, options, verbose);
+    PrintRoomCase(entry.name, options, seeds.verbose);
   }
 }
 
@@ -261,13 +266,14 @@ int RunDetectionCases(const SeedOptions& seeds) {
       "    ms\n");
   std::vector<ImageResult> plain_results;
   for (const DetectionCase& entry : DetectionCases()) {
+    if (!IsWanted(seeds, entry.name)) continue;
     DetectionOptions options = plain;
     entry.change(&options);
     auto results = PrintDetectionCase(entry.name, options, seeds.verbose);
     if (plain_results.empty()) plain_results = std::move(results);
   }
-  PrintBins(plain_results);
-  PrintRooms(plain, seeds.verbose);
+  if (!plain_results.empty()) PrintBins(plain_results);
+  PrintRooms(plain, seeds);
   return 0;
 }
 

@@ -52,7 +52,7 @@ TEST(SphereOutlineFitter, LightFromOneSideDoesNotMoveTheCentre) {
     EXPECT_GT((Centroid(pixels) - centre).norm(), 0.05 * radius);
     SphereOutline outline{.centre_px = Centroid(pixels), .radius_px = 1.05 * radius};
     ASSERT_TRUE(
-        fitter.Fit(pixels, 0.25 * radius * radius * Eigen::Matrix2d::Identity(), true, &outline));
+        fitter.Fit(pixels, 0.25 * radius * radius * Eigen::Matrix2d::Identity(), {}, &outline));
     // Four sigmas of the noise, and what the model of the edge leaves.
     EXPECT_LT((outline.centre_px - centre).norm(),
               4 * std::sqrt(outline.covariance_px2.trace()) + 0.02)
@@ -71,7 +71,9 @@ TEST(SphereOutlineFitter, CovarianceIsThatOfTheErrors) {
     const Eigen::Vector2d centre(0.001 * seed, 0.4 - 0.003 * seed);
     const OutlinePixels pixels = Disc(centre, 8, 0, seed);
     SphereOutline outline{.centre_px = Eigen::Vector2d(0.1, 0.1), .radius_px = 8.3};
-    ASSERT_TRUE(fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), false, &outline)) << seed;
+    ASSERT_TRUE(
+        fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), {.slope_sigma = 1e-3}, &outline))
+        << seed;
     const Eigen::Vector2d error = outline.centre_px - centre;
     nees += error.dot(outline.covariance_px2.inverse() * error) / (2 * kRuns);
   }
@@ -84,11 +86,11 @@ TEST(SphereOutlineFitter, RefusesNothingAndHalfADisc) {
   SphereOutlineFitter fitter;
   OutlinePixels pixels;
   SphereOutline outline{.radius_px = 8};
-  EXPECT_FALSE(fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), true, &outline));
+  EXPECT_FALSE(fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), {}, &outline));
   pixels = Disc({0, 0}, 8, 0, 1);
   const double whole = [&] {
     SphereOutline fit{.radius_px = 8};
-    EXPECT_TRUE(fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), true, &fit));
+    EXPECT_TRUE(fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), {}, &fit));
     return fit.residual;
   }();
   for (size_t i = 0; i < pixels.size(); ++i) {
@@ -96,7 +98,7 @@ TEST(SphereOutlineFitter, RefusesNothingAndHalfADisc) {
   }
   outline = {.radius_px = 8};
   // Either it does not converge, or it says that it does not fit.
-  if (fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), true, &outline)) {
+  if (fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), {}, &outline)) {
     EXPECT_GT(outline.residual, 2 * whole);
   }
 }

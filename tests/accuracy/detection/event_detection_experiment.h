@@ -23,6 +23,7 @@ struct EventDetectionOptions {
   FrameRenderOptions scene;
   EventRenderOptions sensor;
   RandomWandPoseOptions pose;   // speed_m_s is drawn from 0 to pose.speed_m_s for each stream
+  double min_speed_share = 0;   // of pose.speed_m_s: from that on
   double max_speed_px_s = 1e9;  // slower where the wand would move faster in the image
   agent::BlinkFilterOptions filter;
   bool with_wand = true;

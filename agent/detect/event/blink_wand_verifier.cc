@@ -6,6 +6,8 @@
 #include <numbers>
 #include <numeric>
 
+#include "agent/detect/event/wrapped_time.h"
+
 namespace rigcal::agent {
 namespace {
 
@@ -29,12 +31,6 @@ double CentreVariance(const Blob& blob) {
   return kRimPx / (4 * std::numbers::pi * Radius(blob)) + kFloorPx * kFloorPx;
 }
 
-// Between two times of which the lower 32 bits are known.
-double Since(double from_us, double time_us) {
-  constexpr double kWrapUs = 4294967296.0;
-  return std::remainder(time_us - from_us, kWrapUs);
-}
-
 }  // namespace
 
 void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
@@ -46,6 +42,7 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
   blobs_.clear();
   times_us_.clear();
   frequencies_.clear();
+  is_timed_.clear();
   for (const int index : order_) {
     const BlinkBlob& from = blobs[static_cast<size_t>(index)];
     // The seeds of one marker may fall apart; each part then finds all of it.
@@ -57,6 +54,7 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
     blobs_.push_back(from);
     times_us_.push_back(from.time_us);
     frequencies_.push_back(from.frequency);
+    is_timed_.push_back(from.is_timed);
   }
 }
 
@@ -67,7 +65,7 @@ bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluat
   const double any_us = time_us(candidate.blobs[0]);
   double mean_us = 0;
   for (const int index : candidate.blobs) {
-    mean_us += Since(any_us, time_us(index)) / static_cast<double>(candidate.blobs.size());
+    mean_us += SinceUs(any_us, time_us(index)) / static_cast<double>(candidate.blobs.size());
   }
   absl::InlinedVector<MarkerSight, 4> sights;
   for (const int index : candidate.blobs) {
@@ -76,7 +74,7 @@ bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluat
     if (!finder_.Sight(blob.centre_px, &sight)) return false;
     sight.radius_px = Radius(blob);
     sight.sigma_px = std::hypot(kFitSlack * std::sqrt(CentreVariance(blob)),
-                                kMotionPxPerUs * (Since(any_us, time_us(index)) - mean_us));
+                                kMotionPxPerUs * (SinceUs(any_us, time_us(index)) - mean_us));
     sight.radius_sigma_px = kRadiusPx + kRadiusShare * sight.radius_px;
     if (blob.touches_border) {
       sight.sigma_px += 0.5 * sight.radius_px;
@@ -128,10 +126,13 @@ BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
   }
   if (best.candidate->blobs.size() == 1) label_confidence = 1;
   wand.outcome = DetectionOutcome::kWand;
+  wand.is_timed = true;
   for (size_t k = 0; k < best.candidate->blobs.size(); ++k) {
     MarkerObservation& marker = wand.markers.emplace_back(Observe(best, k));
     marker.label_confidence = static_cast<float>(label_confidence);
-    wand.times_us.push_back(times_us_[static_cast<size_t>(best.candidate->blobs[k])]);
+    const auto blob = static_cast<size_t>(best.candidate->blobs[k]);
+    wand.times_us.push_back(times_us_[blob]);
+    wand.is_timed &= is_timed_[blob];
   }
   return wand;
 }

@@ -16,6 +16,7 @@ struct BlinkWand {
   absl::InlinedVector<double, 3> times_us;  // by marker: lower 32 bits of the sensor's clock
   double confidence = 0;                    // 0 to 1, of the whole wand
   int blob_count = 0;
+  bool is_timed = false;  // with kWand: all its blobs are (BlinkBlob::is_timed)
 };
 
 // Chooses the wand among blobs that blink at its frequency: the candidate of WandFinder whose pose
@@ -53,6 +54,7 @@ class BlinkWandVerifier {
   std::vector<Blob> blobs_;
   std::vector<double> times_us_;  // of blobs_
   std::vector<int> frequencies_;  // likewise
+  std::vector<bool> is_timed_;    // likewise
   std::vector<int> order_;
   std::vector<Evaluated> evaluated_;
 };

@@ -15,6 +15,8 @@ namespace {
 // latency, noise beside the rim. Such that accuracy.event_detection sees errors of one sigma.
 constexpr double kRimPx = 0.27;
 constexpr double kFloorPx = 0.042;
+// Of the way from the answer to the rise to that to the fall: their mean may be so far off.
+constexpr double kMeanShare = 0.2;
 // By which a centre may be further from where a candidate has it: lenses are not known that well.
 constexpr double kFitSlack = 1.7;
 constexpr double kRadiusPx = 0.4, kRadiusShare = 0.06;
@@ -43,6 +45,7 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
   times_us_.clear();
   frequencies_.clear();
   is_timed_.clear();
+  rise_to_fall_px_.clear();
   for (const int index : order_) {
     const BlinkBlob& from = blobs[static_cast<size_t>(index)];
     // The seeds of one marker may fall apart; each part then finds all of it.
@@ -55,6 +58,7 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
     times_us_.push_back(from.time_us);
     frequencies_.push_back(from.frequency);
     is_timed_.push_back(from.is_timed);
+    rise_to_fall_px_.push_back(from.rise_to_fall_px);
   }
 }
 
@@ -91,7 +95,10 @@ MarkerObservation BlinkWandVerifier::Observe(const Evaluated& wand, size_t k) co
   if (blob.touches_border) return marker;
   marker.visible = true;
   marker.centre_px = blob.centre_px;
-  marker.covariance_px2 = CentreVariance(blob) * Eigen::Matrix2d::Identity();
+  const Eigen::Vector2d off_px =
+      kMeanShare * rise_to_fall_px_[static_cast<size_t>(wand.candidate->blobs[k])];
+  marker.covariance_px2 =
+      CentreVariance(blob) * Eigen::Matrix2d::Identity() + off_px * off_px.transpose();
   finder_.ToSphereCentre(wand.fit, k, &marker);
   return marker;
 }

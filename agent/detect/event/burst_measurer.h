@@ -11,10 +11,12 @@ namespace rigcal::agent {
 
 // A marker in one burst of light; its area is that of the pixels that lit up.
 struct BlinkBlob : Blob {
-  double time_us = 0;     // the sensor's clock, lower 32 bits: when the marker was at the centre
-  int frequency = 0;      // which of BlinkFilterOptions::blink_hz that is
-  double burst_us = 0;    // when its pixels lit up
-  double period_us = 0;   // between its last two bursts
+  double time_us = 0;    // the sensor's clock, lower 32 bits: when the marker was at the centre
+  int frequency = 0;     // which of BlinkFilterOptions::blink_hz that is
+  double burst_us = 0;   // when its pixels lit up
+  double period_us = 0;  // between its last two bursts
+  // From where its pixels answer the light's rise to where they answer its fall.
+  Eigen::Vector2d rise_to_fall_px = Eigen::Vector2d::Zero();
   bool is_timed = false;  // centre and time are those that FlashMeasurer has measured
 };
 

@@ -170,6 +170,7 @@ void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, BlinkL
         TouchesBorder(rise->shape.box, geometry_) || TouchesBorder(fall->shape.box, geometry_);
     blob.burst_us = due_us + rise->time_us;
     blob.time_us = due_us + 0.5 * (rise->time_us + fall->time_us);
+    blob.rise_to_fall_px = fall->shape.centre_px - rise->shape.centre_px;
     blob.is_timed = true;
     light->on_us = blob.burst_us;
     light->lit_us = fall->time_us - rise->time_us;

@@ -13,7 +13,6 @@ namespace rigcal::accuracy {
 namespace {
 
 constexpr double kShellReflectance = 0.5;  // of LightModel
-constexpr double kUsedSigmaUs = 100.0 / 3;
 
 // Of the room, at which the LED adds so much to the light of the sphere's shell.
 double LuxFor(const FrameRenderOptions& scene, double contrast) {
@@ -109,7 +108,7 @@ LatencyPoint RunLatency(const LatencySensor& sensor, const LatencyLight& light, 
 double LatencySpreadUs(const std::vector<LatencyPoint>& points) {
   double least = std::numeric_limits<double>::infinity(), most = -least;
   for (const LatencyPoint& point : points) {
-    if (point.centres == 0 || point.sigma_us > kUsedSigmaUs) continue;
+    if (point.centres == 0) continue;
     least = std::min(least, point.latency_us);
     most = std::max(most, point.latency_us);
   }

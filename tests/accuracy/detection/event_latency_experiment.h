@@ -42,8 +42,7 @@ std::vector<LatencySensor> LatencySensors();
 LatencyPoint RunLatency(const LatencySensor& sensor, const LatencyLight& light, int streams,
                         uint32_t seed, int threads);
 
-// Between the largest and the smallest latency of points with a sigma of at most a third of the
-// limit that is required, 100 us.
+// Between the largest and the smallest latency.
 double LatencySpreadUs(const std::vector<LatencyPoint>& points);
 
 }  // namespace rigcal::accuracy

@@ -13,7 +13,7 @@ namespace {
 
 struct ConvertFlags {
   std::string in, out;
-  std::string layout = "prophesee";
+  std::string layout = "compound";
   std::string raw = "evt3";
   bool force = false;
   EventFileFlags file;
@@ -77,9 +77,9 @@ void AddConvertCommand(CLI::App& app, Subcommands* all) {
   flags.file.AddTo(command);
   command
       .add_option("--layout", flags.layout,
-                  "Of HDF5: prophesee (/CD/events, with triggers) or events (/events/x, y, p, t, "
-                  "without) [prophesee]")
-      ->check(CLI::IsMember({"prophesee", "events"}));
+                  "Of HDF5: compound (/CD/events, with triggers) or events (/events/x, y, p, t, "
+                  "without) [compound]")
+      ->check(CLI::IsMember({"compound", "events"}));
   command.add_option("--raw", flags.raw, "Of .raw: evt3 (EVT 3.0) or evt2 (EVT 2.0) [evt3]")
       ->check(CLI::IsMember({"evt2", "evt3"}));
   command.add_flag("--force", flags.force, "Replace a file that is there");

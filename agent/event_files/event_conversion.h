@@ -15,7 +15,7 @@ struct ConversionOptions {
   std::string out;                         // its ending names the format
   std::optional<SensorGeometry> geometry;  // if the file has none
   EventFileOptions plain;                  // how the file is to be read
-  std::string layout = "prophesee";        // of HDF5: prophesee or events
+  std::string layout = "compound";         // of HDF5: compound or events
   EventFormat raw = EventFormat::kEvt3;    // of RAW: kEvt3 or kEvt2
   bool force = false;                      // replace a file that is there
 };

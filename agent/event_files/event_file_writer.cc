@@ -343,7 +343,7 @@ absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateEventFileWriter(const st
   }
   if (ending == ".h5" || ending == ".hdf5") {
     return CreateHdf5EventWriter(
-        path, front, layout == "events" ? Hdf5EventLayout::kColumns : Hdf5EventLayout::kProphesee);
+        path, front, layout == "events" ? Hdf5EventLayout::kColumns : Hdf5EventLayout::kCompound);
   }
   return UnknownEnding(ending);
 }

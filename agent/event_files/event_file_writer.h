@@ -66,7 +66,7 @@ class OutputFile {
 // INVALID_ARGUMENT: the ending of this path is none of those below.
 absl::Status CheckEventFileEnding(const std::string& path);
 
-// By the ending: .raw, .csv (or .txt), .h5 or .hdf5. `layout`: of HDF5, "prophesee" or "events".
+// By the ending: .raw, .csv (or .txt), .h5 or .hdf5. `layout`: of HDF5, "compound" or "events".
 //
 // CSV: x,y,p,t with a header line, times in microseconds, polarity 0 or 1; the geometry, where it
 // is known, as a comment in front. No triggers.

@@ -33,7 +33,7 @@ class Hdf5RowReader {
                             std::vector<int64_t>* events_before);
 
  private:
-  // As Prophesee's own files have it, and this project's.
+  // As files of the compound layout mostly have it.
   struct NarrowRow {
     uint16_t x, y;
     int16_t p;

@@ -7,7 +7,7 @@ namespace rigcal::agent {
 
 // Opens an HDF5 file of events. Known layouts:
 //
-//   /CD/events         compound x, y, p, t, and /EXT_TRIGGER/events compound p, t, id: Prophesee's
+//   /CD/events         compound x, y, p, t, and /EXT_TRIGGER/events compound p, t, id
 //   /events            compound x, y, p, t
 //   /events/x, y, p, t or xs, ys, ps, ts: one dataset each, of one length; with /t_offset
 //                      (microseconds) added to whole-numbered times, as DSEC has it

@@ -119,7 +119,7 @@ class Hdf5EventWriter : public PlainEventWriter {
   absl::Status WriteEvent(const PlainEvent& event);
   absl::Status WriteTrigger(const PlainEvent& event);
   uint64_t event_count() const {
-    return layout_ == Hdf5EventLayout::kProphesee ? cd_.count() : t_.count();
+    return layout_ == Hdf5EventLayout::kCompound ? cd_.count() : t_.count();
   }
   template <typename Visit>
   void ForEachDataset(Visit visit) {
@@ -194,7 +194,7 @@ absl::Status Hdf5EventWriter::Begin(const PlainFileFront& front) {
 
 absl::Status Hdf5EventWriter::WriteEvent(const PlainEvent& event) {
   const bool on = event.kind == PlainEvent::kOn;
-  if (layout_ == Hdf5EventLayout::kProphesee) {
+  if (layout_ == Hdf5EventLayout::kCompound) {
     return cd_.Add(
         {.x = event.x, .y = event.y, .p = static_cast<int16_t>(on ? 1 : 0), .t = event.time_us});
   }

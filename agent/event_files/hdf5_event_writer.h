@@ -6,12 +6,13 @@
 namespace rigcal::agent {
 
 enum class Hdf5EventLayout : uint8_t {
-  kProphesee,  // /CD/events and /EXT_TRIGGER/events
-  kColumns,    // /events/x, y, p, t; no triggers
+  kCompound,  // /CD/events and /EXT_TRIGGER/events
+  kColumns,   // /events/x, y, p, t; no triggers
 };
 
 // Writes an HDF5 file as OpenHdf5Events reads it, compressed with HDF5's own filters (shuffle,
-// deflate). /EXT_TRIGGER/cd_events_before keeps the number of events before each trigger, so
+// deflate). Prophesee's tools do not open it: they decode every chunk with their own codec.
+// /EXT_TRIGGER/cd_events_before keeps the number of events before each trigger, so
 // that the order of the stream is kept. Attributes of the file: geometry, width, height and the
 // fields.
 //

@@ -108,6 +108,23 @@ void BlinkFilter::Sweep(uint32_t time_us) {
   has_swept_ = true;
 }
 
+void BlinkFilter::MarkActive(uint32_t time_us, std::vector<uint8_t>* tiles) const {
+  tiles->assign(tiles_.size(), 0);
+  const auto recent_us = static_cast<uint32_t>(2 * period_us_);
+  const auto columns = static_cast<int>(rules_.tile_columns), rows = static_cast<int>(tile_rows_);
+  for (int y = 0; y < rows; ++y) {
+    for (int x = 0; x < columns; ++x) {
+      const uint32_t blinked_us = tiles_[static_cast<size_t>(y * columns + x)];
+      if (blinked_us == 0 || time_us + 1 - blinked_us > recent_us) continue;
+      for (int v = std::max(0, y - 1); v <= std::min(rows - 1, y + 1); ++v) {
+        for (int u = std::max(0, x - 1); u <= std::min(columns - 1, x + 1); ++u) {
+          (*tiles)[static_cast<size_t>(v * columns + u)] = 1;
+        }
+      }
+    }
+  }
+}
+
 const std::vector<BlinkBlob>& BlinkFilter::FindBlobs(uint32_t time_us) {
   blobs_.clear();
   const BlinkSurface surface = {.geometry = options_.geometry,

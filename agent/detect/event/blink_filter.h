@@ -79,7 +79,12 @@ class BlinkFilter {
   // lowest.
   const std::vector<BlinkBlob>& FindBlobs(uint32_t time_us);
 
+  // Marks the tiles (BlinkRules) in which pixels have blinked lately, and those beside them.
+  void MarkActive(uint32_t time_us, std::vector<uint8_t>* tiles) const;
+
   double period_us() const { return period_us_; }  // the longest
+  SensorGeometry geometry() const { return options_.geometry; }
+  int min_blob_pixels() const { return options_.min_blob_pixels; }
   static constexpr int kBytesPerPixel = 4;
 
  private:

@@ -15,6 +15,18 @@ constexpr int64_t kSilencePeriods = 20;
 constexpr size_t kBytesPerForget = 512;
 constexpr int64_t kLeastForgets = 16;
 constexpr int64_t kSweepPeriods = 2;
+// What is recorded of a light that is not known, and until one that was not found so is looked for
+// again.
+constexpr double kDeferPeriods = 2.4, kRetryPeriods = 100;
+// Outputs that follow each other faster ask for bursts before they can be recorded alone.
+constexpr double kLeastApartPeriods = 2.5;
+// Whatever is older is of no detection that is still to come.
+constexpr double kKeepPeriods = 3;
+
+bool AsksForEveryBurst(const OutputTimesOptions& output, double period_us) {
+  return output.trigger != TriggerInstant::kNone ||
+         1e6 / output.rate_hz < kLeastApartPeriods * period_us;
+}
 
 }  // namespace
 
@@ -27,7 +39,10 @@ BlinkWandTimeline::BlinkWandTimeline(BlinkFilter filter, BlinkWandVerifier verif
       sweep_us_(static_cast<int64_t>(static_cast<double>(kSweepPeriods) * period_us_)),
       silence_us_(std::min(OutputSchedule::kMaxGapUs, kSilencePeriods * sweep_us_ / kSweepPeriods)),
       schedule_(output, std::llround(kWaitPeriods * period_us_)),
-      detections_(period_us_, std::move(marker_period_us), &counts_) {}
+      detections_(period_us_, std::move(marker_period_us), &counts_),
+      recorder_(filter_.geometry()),
+      flashes_(filter_.geometry(), filter_.min_blob_pixels()),
+      records_every_burst_(AsksForEveryBurst(output, period_us_)) {}
 
 void BlinkWandTimeline::Begin(int64_t time_us) {
   begun_ = true;
@@ -54,6 +69,7 @@ void BlinkWandTimeline::Finish(int64_t time_us, std::vector<Detection>* found) {
   if (begun_) {
     AdvanceTo(time_us);
     Run(reached_us_ + static_cast<int64_t>(kWaitPeriods * period_us_));
+    DetectDeferred();
   }
   detections_.Finish(found);
 }
@@ -71,6 +87,7 @@ uint32_t BlinkWandTimeline::TakeTrigger(const TriggerEvent& trigger) {
 }
 
 uint32_t BlinkWandTimeline::StepBack(int64_t time_us) {
+  DetectDeferred();
   detections_.StepBack(found_);
   Forget(time_us);
   Begin(time_us);
@@ -78,6 +95,9 @@ uint32_t BlinkWandTimeline::StepBack(int64_t time_us) {
 }
 
 void BlinkWandTimeline::Forget(int64_t time_us) {
+  lights_.Clear();
+  recorder_.Clear();
+  defer_from_us_ = time_us;
   if (is_clear_) return;
   must_forget_ = forgets_left_ == 0;
   if (must_forget_) return;
@@ -91,6 +111,7 @@ void BlinkWandTimeline::AdvanceTo(int64_t time_us) {
   if (time_us - reached_us_ > silence_us_) {
     // What was due before is still detected; the rest is skipped without a look at every pixel.
     Run(reached_us_ + static_cast<int64_t>(2 * BlinkDetections::kHoldPeriods * period_us_));
+    DetectDeferred();
     schedule_.Skip(reached_us_, time_us);
     Forget(time_us);
     next_sweep_us_ = time_us + sweep_us_;
@@ -100,29 +121,61 @@ void BlinkWandTimeline::AdvanceTo(int64_t time_us) {
 }
 
 void BlinkWandTimeline::Run(int64_t time_us) {
-  while (true) {
-    const int64_t due_us = schedule_.due_us();
-    if (std::min(due_us, next_sweep_us_) > time_us) return;
-    if (due_us <= next_sweep_us_) {
-      const OutputTime asked = schedule_.Pop();
-      if (asked.trigger || detections_left_ > 0) {
-        Detect(asked);
-        --detections_left_;
-      } else {
-        ++counts_.beyond_data;
-      }
-    } else {
+  while (NextDue() <= time_us) {
+    const int64_t due_us = NextDue();
+    if (due_us == recorder_.next_begin_us()) {
+      recorder_.Begin(filter_);
+    } else if (due_us == next_sweep_us_) {
       if (!must_forget_ && !is_clear_) filter_.Sweep(static_cast<uint32_t>(next_sweep_us_));
       next_sweep_us_ += sweep_us_;
+      if (records_every_burst_ && !deferred_) PlanRecording(due_us);
+    } else {
+      DetectNext();
     }
   }
 }
 
-void BlinkWandTimeline::Detect(const OutputTime& asked) {
-  static const std::vector<BlinkBlob> kNone;
-  const auto due_us = static_cast<uint32_t>(asked.due_us);
-  detections_.Take(asked, verifier_.Verify(must_forget_ ? kNone : filter_.FindBlobs(due_us)),
-                   found_);
+void BlinkWandTimeline::DetectNext() {
+  if (deferred_) return DetectDeferred();
+  const OutputTime asked = schedule_.Pop();
+  if (!asked.trigger && detections_left_ <= 0) {
+    ++counts_.beyond_data;
+    return;
+  }
+  // A detection that was put off has gone beyond it.
+  Detect(asked, std::max(asked.due_us, defer_until_us_));
+  --detections_left_;
+}
+
+void BlinkWandTimeline::DetectDeferred() {
+  if (!deferred_) return;
+  const OutputTime asked = *std::exchange(deferred_, std::nullopt);
+  Detect(asked, asked.due_us);
+}
+
+void BlinkWandTimeline::Detect(const OutputTime& asked, int64_t now_us) {
+  blobs_.clear();
+  const auto now = static_cast<uint32_t>(now_us);
+  if (!must_forget_) blobs_ = filter_.FindBlobs(now);
+  flashes_.Measure(recorder_, now, &lights_, &blobs_);
+  lights_.Forget(now);
+  BlinkWand wand = verifier_.Verify(blobs_);
+  if (wand.outcome == DetectionOutcome::kWand && !wand.is_timed && now_us >= defer_from_us_) {
+    defer_until_us_ = now_us + static_cast<int64_t>(kDeferPeriods * period_us_);
+    defer_from_us_ = now_us + static_cast<int64_t>(kRetryPeriods * period_us_);
+    recorder_.PlanAll(now_us, defer_until_us_);
+    deferred_ = asked;
+    deferred_->due_us = defer_until_us_;
+    return;
+  }
+  detections_.Take(asked, std::move(wand), found_);
+  PlanRecording(now_us);
+}
+
+void BlinkWandTimeline::PlanRecording(int64_t now_us) {
+  const int64_t due_us = records_every_burst_ ? next_sweep_us_ + sweep_us_ : schedule_.due_us();
+  recorder_.Plan(lights_.all(), now_us, std::max(now_us, due_us), records_every_burst_,
+                 static_cast<int64_t>(kKeepPeriods * period_us_));
 }
 
 }  // namespace rigcal::agent

@@ -2,16 +2,20 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "agent/detect/event/blink_detections.h"
 #include "agent/detect/event/blink_filter.h"
+#include "agent/detect/event/flash_measurer.h"
 
 namespace rigcal::agent {
 
 // Drives BlinkWandDetector by the sensor's clock: detects the wand when OutputSchedule says so,
-// sweeps the filter, and clears it when the clock jumps. One thread at a time.
+// sweeps the filter, and clears it when the clock jumps. Of a wand whose light is not known yet
+// (BlinkLights) everything is recorded for two periods, and the detection put off until then. One
+// thread at a time.
 class BlinkWandTimeline {
  public:
   // `marker_period_us`: by marker.
@@ -37,15 +41,14 @@ class BlinkWandTimeline {
   uint32_t Reach(uint32_t time_us);
   uint32_t TakeTrigger(const TriggerEvent& trigger);
   uint32_t StepBack(int64_t time_us);
-  uint32_t NextStop() const {
-    return static_cast<uint32_t>(std::min(next_sweep_us_, schedule_.due_us()));
-  }
+  uint32_t NextStop() const { return static_cast<uint32_t>(NextDue()); }
 
   // None of them behind the next stop.
   void Feed(std::span<const PackedEvent> events) {
     if (events.empty()) return;
     is_clear_ = false;
     filter_.Events(events);
+    recorder_.Take(events);
   }
 
   const BlinkWandCounts& counts() const { return counts_; }
@@ -55,7 +58,15 @@ class BlinkWandTimeline {
   // off to the end of a Take, and no blob is seen until then.
   void Forget(int64_t time_us);
   void Run(int64_t time_us);
-  void Detect(const OutputTime& asked);
+  // Of whatever is to be done next.
+  int64_t NextDue() const {
+    const int64_t detect_us = deferred_ ? deferred_->due_us : schedule_.due_us();
+    return std::min({next_sweep_us_, detect_us, recorder_.next_begin_us()});
+  }
+  void DetectNext();
+  void Detect(const OutputTime& asked, int64_t now_us);
+  void DetectDeferred();
+  void PlanRecording(int64_t now_us);
 
   BlinkFilter filter_;
   BlinkWandVerifier verifier_;
@@ -65,7 +76,15 @@ class BlinkWandTimeline {
   OutputSchedule schedule_;
   BlinkWandCounts counts_;
   BlinkDetections detections_;
+  BlinkLights lights_;
+  FlashRecorder recorder_;
+  FlashMeasurer flashes_;
+  std::vector<BlinkBlob> blobs_;
+  const bool records_every_burst_;  // when detections are asked for is not known in advance
 
+  std::optional<OutputTime> deferred_;  // put off
+  int64_t defer_until_us_ = 0;
+  int64_t defer_from_us_ = 0;  // a light that was not found is looked for again then
   bool begun_ = false;
   int64_t reached_us_ = 0;
   int64_t next_sweep_us_ = 0;

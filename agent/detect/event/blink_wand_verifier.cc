@@ -6,6 +6,8 @@
 #include <numbers>
 #include <numeric>
 
+#include "agent/detect/event/wrapped_time.h"
+
 namespace rigcal::agent {
 namespace {
 
@@ -13,6 +15,8 @@ namespace {
 // latency, noise beside the rim. Such that accuracy.event_detection sees errors of one sigma.
 constexpr double kRimPx = 0.27;
 constexpr double kFloorPx = 0.042;
+// Of the way from the answer to the rise to that to the fall: their mean may be so far off.
+constexpr double kMeanShare = 0.2;
 // By which a centre may be further from where a candidate has it: lenses are not known that well.
 constexpr double kFitSlack = 1.7;
 constexpr double kRadiusPx = 0.4, kRadiusShare = 0.06;
@@ -29,12 +33,6 @@ double CentreVariance(const Blob& blob) {
   return kRimPx / (4 * std::numbers::pi * Radius(blob)) + kFloorPx * kFloorPx;
 }
 
-// Between two times of which the lower 32 bits are known.
-double Since(double from_us, double time_us) {
-  constexpr double kWrapUs = 4294967296.0;
-  return std::remainder(time_us - from_us, kWrapUs);
-}
-
 }  // namespace
 
 void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
@@ -46,6 +44,8 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
   blobs_.clear();
   times_us_.clear();
   frequencies_.clear();
+  is_timed_.clear();
+  rise_to_fall_px_.clear();
   for (const int index : order_) {
     const BlinkBlob& from = blobs[static_cast<size_t>(index)];
     // The seeds of one marker may fall apart; each part then finds all of it.
@@ -57,6 +57,8 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
     blobs_.push_back(from);
     times_us_.push_back(from.time_us);
     frequencies_.push_back(from.frequency);
+    is_timed_.push_back(from.is_timed);
+    rise_to_fall_px_.push_back(from.rise_to_fall_px);
   }
 }
 
@@ -67,7 +69,7 @@ bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluat
   const double any_us = time_us(candidate.blobs[0]);
   double mean_us = 0;
   for (const int index : candidate.blobs) {
-    mean_us += Since(any_us, time_us(index)) / static_cast<double>(candidate.blobs.size());
+    mean_us += SinceUs(any_us, time_us(index)) / static_cast<double>(candidate.blobs.size());
   }
   absl::InlinedVector<MarkerSight, 4> sights;
   for (const int index : candidate.blobs) {
@@ -76,7 +78,7 @@ bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluat
     if (!finder_.Sight(blob.centre_px, &sight)) return false;
     sight.radius_px = Radius(blob);
     sight.sigma_px = std::hypot(kFitSlack * std::sqrt(CentreVariance(blob)),
-                                kMotionPxPerUs * (Since(any_us, time_us(index)) - mean_us));
+                                kMotionPxPerUs * (SinceUs(any_us, time_us(index)) - mean_us));
     sight.radius_sigma_px = kRadiusPx + kRadiusShare * sight.radius_px;
     if (blob.touches_border) {
       sight.sigma_px += 0.5 * sight.radius_px;
@@ -93,7 +95,10 @@ MarkerObservation BlinkWandVerifier::Observe(const Evaluated& wand, size_t k) co
   if (blob.touches_border) return marker;
   marker.visible = true;
   marker.centre_px = blob.centre_px;
-  marker.covariance_px2 = CentreVariance(blob) * Eigen::Matrix2d::Identity();
+  const Eigen::Vector2d off_px =
+      kMeanShare * rise_to_fall_px_[static_cast<size_t>(wand.candidate->blobs[k])];
+  marker.covariance_px2 =
+      CentreVariance(blob) * Eigen::Matrix2d::Identity() + off_px * off_px.transpose();
   finder_.ToSphereCentre(wand.fit, k, &marker);
   return marker;
 }
@@ -128,10 +133,13 @@ BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
   }
   if (best.candidate->blobs.size() == 1) label_confidence = 1;
   wand.outcome = DetectionOutcome::kWand;
+  wand.is_timed = true;
   for (size_t k = 0; k < best.candidate->blobs.size(); ++k) {
     MarkerObservation& marker = wand.markers.emplace_back(Observe(best, k));
     marker.label_confidence = static_cast<float>(label_confidence);
-    wand.times_us.push_back(times_us_[static_cast<size_t>(best.candidate->blobs[k])]);
+    const auto blob = static_cast<size_t>(best.candidate->blobs[k]);
+    wand.times_us.push_back(times_us_[blob]);
+    wand.is_timed &= is_timed_[blob];
   }
   return wand;
 }

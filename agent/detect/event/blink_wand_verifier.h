@@ -16,13 +16,15 @@ struct BlinkWand {
   absl::InlinedVector<double, 3> times_us;  // by marker: lower 32 bits of the sensor's clock
   double confidence = 0;                    // 0 to 1, of the whole wand
   int blob_count = 0;
+  bool is_timed = false;  // with kWand: all its blobs are (BlinkBlob::is_timed)
 };
 
 // Chooses the wand among blobs that blink at its frequency: the candidate of WandFinder whose pose
 // explains places and sizes best, given the accuracy that a burst of light allows. A centre's
 // variance goes with the number of its pixels: each of the 2 pi r pixels along the rim of a disc is
 // in or out by chance, which moves the centroid by a variance of w / (4 pi r), w the width of the
-// rim that is uncertain.
+// rim that is uncertain. Along the motion the mean of rise and fall (FlashMeasurer) is not quite in
+// the middle.
 //
 // Markers that blink at several frequencies (WandFinderOptions::marker_kinds holds what each marker
 // has as BlinkBlob::frequency) are seen at different times, so that a moving wand's do not lie
@@ -51,8 +53,10 @@ class BlinkWandVerifier {
   WandFinder finder_;
   double min_confidence_;
   std::vector<Blob> blobs_;
-  std::vector<double> times_us_;  // of blobs_
-  std::vector<int> frequencies_;  // likewise
+  std::vector<double> times_us_;                  // of blobs_
+  std::vector<int> frequencies_;                  // likewise
+  std::vector<bool> is_timed_;                    // likewise
+  std::vector<Eigen::Vector2d> rise_to_fall_px_;  // likewise
   std::vector<int> order_;
   std::vector<Evaluated> evaluated_;
 };

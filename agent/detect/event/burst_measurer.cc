@@ -12,23 +12,18 @@ namespace {
 
 // Of a period: pixels light up around the burst's middle by at most this much (latency, readout).
 constexpr double kJitterShare = 0.12;
-// Pixels that Grow has come to, and those of them that lit up.
-constexpr uint8_t kSeen = 1, kLit = 2;
-// Of a pixel's eight neighbours: a lit one with fewer beside it is noise that hangs on; an unlit
-// one with more is a pixel that noise had put in reset.
-constexpr int kMinBeside = 3, kHoleBeside = 6;
 
 }  // namespace
 
 void BurstMeasurer::Measure(const BlinkPeriod& blink, const ComponentSums& seeds,
                             const BlinkSurface& surface, std::vector<BlinkBlob>* blobs) {
-  const std::optional<double> burst = FindBurst(blink, seeds, surface);
+  const std::optional<Burst> burst = FindBurst(blink, seeds, surface);
   if (!burst) return;
   const double jitter = kJitterShare * blink.period;
-  const auto oldest = static_cast<uint32_t>(std::lround(*burst + jitter));
-  const auto newest = static_cast<uint32_t>(std::max(0L, std::lround(*burst - blink.lit)));
+  const auto oldest = static_cast<uint32_t>(std::lround(burst->units + jitter));
+  const auto newest = static_cast<uint32_t>(std::max(0L, std::lround(burst->units - blink.lit)));
   Grow(blink, seeds, surface, newest, oldest);
-  Smooth();
+  Smooth(&lit_);
   if (static_cast<int>(lit_.size()) < min_pixels_) return;
   if (!IsLong(ShapeOf(lit_))) return AddBlob(blink, &lit_, *burst, surface, blobs);
   for (PixelList part : splitter_.Split(lit_, min_pixels_)) {
@@ -36,8 +31,9 @@ void BurstMeasurer::Measure(const BlinkPeriod& blink, const ComponentSums& seeds
   }
 }
 
-std::optional<double> BurstMeasurer::FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
-                                               const BlinkSurface& surface) {
+std::optional<BurstMeasurer::Burst> BurstMeasurer::FindBurst(const BlinkPeriod& blink,
+                                                             const ComponentSums& seeds,
+                                                             const BlinkSurface& surface) {
   const uint32_t now = surface.now();
   ages_.clear();
   double gaps = 0;
@@ -56,7 +52,8 @@ std::optional<double> BurstMeasurer::FindBurst(const BlinkPeriod& blink, const C
   // Pixels whose burst is just over and those whose next one has begun are a period apart: the
   // newest burst that most pixels took part in.
   const double start_units = UpperMedian(&ages_);
-  return start_units >= 0 ? std::optional(start_units) : std::nullopt;
+  if (start_units < 0) return std::nullopt;
+  return Burst{.units = start_units, .period_us = period_us};
 }
 
 void BurstMeasurer::Grow(const BlinkPeriod& blink, const ComponentSums& seeds,
@@ -67,18 +64,16 @@ void BurstMeasurer::Grow(const BlinkPeriod& blink, const ComponentSums& seeds,
   const int x_end = std::min(static_cast<int>(surface.geometry.width), seeds.max_x + 1 + kReachPx);
   const int y_end = std::min(static_cast<int>(surface.geometry.height), seeds.max_y + 1 + kReachPx);
   const int width = x_end - x_begin;
-  window_ = {x_begin, y_begin, width, y_end - y_begin};
   lit_.clear();
-  seen_.assign(static_cast<size_t>(width) * static_cast<size_t>(y_end - y_begin), 0);
+  seen_.assign(static_cast<size_t>(width) * static_cast<size_t>(y_end - y_begin), false);
   const auto visit = [&](int x, int y) {
-    uint8_t& seen = seen_[static_cast<size_t>((y - y_begin) * width + x - x_begin)];
-    if (seen != 0) return;
-    seen = kSeen;
+    const auto at = static_cast<size_t>((y - y_begin) * width + x - x_begin);
+    if (seen_[at]) return;
+    seen_[at] = true;
     const uint32_t state = surface.Row(y)[x];
     if (!LitUpBetween(state, now, newest, oldest)) return;
     // Of a marker beside this one.
     if (blinks_.size() > 1 && IsSeedOfAnother(blink, state, now)) return;
-    seen = kLit;
     lit_.emplace_back(x, y);
   };
   for (int y = seeds.min_y; y <= seeds.max_y; ++y) {
@@ -100,42 +95,15 @@ bool BurstMeasurer::IsSeedOfAnother(const BlinkPeriod& blink, uint32_t state, ui
   });
 }
 
-void BurstMeasurer::Smooth() {
-  const auto lit = [this](int x, int y) {
-    const int u = x - window_.x, v = y - window_.y;
-    if (u < 0 || v < 0 || u >= window_.width || v >= window_.height) return 0;
-    return seen_[static_cast<size_t>(v * window_.width + u)] == kLit ? 1 : 0;
-  };
-  const auto lit_beside = [&lit](int x, int y) {
-    int count = -lit(x, y);
-    for (int v = y - 1; v <= y + 1; ++v) {
-      for (int u = x - 1; u <= x + 1; ++u) count += lit(u, v);
-    }
-    return count;
-  };
-  smoothed_.clear();
-  for (const auto& [x, y] : lit_) {
-    if (lit_beside(x, y) >= kMinBeside) smoothed_.emplace_back(x, y);
-  }
-  const PixelRect box = BoxOf(lit_);
-  for (int y = box.y; y < box.y + box.height; ++y) {
-    for (int x = box.x; x < box.x + box.width; ++x) {
-      if (lit(x, y) == 0 && lit_beside(x, y) >= kHoleBeside) smoothed_.emplace_back(x, y);
-    }
-  }
-  std::swap(lit_, smoothed_);
-}
-
-void BurstMeasurer::AddBlob(const BlinkPeriod& blink, PixelList* pixels, double burst_units,
+void BurstMeasurer::AddBlob(const BlinkPeriod& blink, PixelList* pixels, const Burst& burst,
                             const BlinkSurface& surface, std::vector<BlinkBlob>* blobs) {
   BlinkBlob blob{MarkerShapeOf(pixels)};
   const double unit_us = 1 << surface.shift;
-  blob.time_us = unit_us * (static_cast<double>(surface.now()) - burst_units +
-                            0.5 * static_cast<double>(blink.lit));
+  blob.burst_us = unit_us * (static_cast<double>(surface.now()) - burst.units);
+  blob.period_us = burst.period_us;
+  blob.time_us = blob.burst_us + 0.5 * unit_us * static_cast<double>(blink.lit);
   blob.frequency = blink.index;
-  blob.touches_border = blob.box.x == 0 || blob.box.y == 0 ||
-                        blob.box.x + blob.box.width == static_cast<int>(surface.geometry.width) ||
-                        blob.box.y + blob.box.height == static_cast<int>(surface.geometry.height);
+  blob.touches_border = TouchesBorder(blob.box, surface.geometry);
   // Markers that have grown together are found from the seeds of each.
   for (const BlinkBlob& other : *blobs) {
     if (other.frequency == blob.frequency && (other.centre_px - blob.centre_px).squaredNorm() < 4)

@@ -11,8 +11,13 @@ namespace rigcal::agent {
 
 // A marker in one burst of light; its area is that of the pixels that lit up.
 struct BlinkBlob : Blob {
-  double time_us = 0;  // the sensor's clock, lower 32 bits: when the marker was at the centre
-  int frequency = 0;   // which of BlinkFilterOptions::blink_hz that is
+  double time_us = 0;    // the sensor's clock, lower 32 bits: when the marker was at the centre
+  int frequency = 0;     // which of BlinkFilterOptions::blink_hz that is
+  double burst_us = 0;   // when its pixels lit up
+  double period_us = 0;  // between its last two bursts
+  // From where its pixels answer the light's rise to where they answer its fall.
+  Eigen::Vector2d rise_to_fall_px = Eigen::Vector2d::Zero();
+  bool is_timed = false;  // centre and time are those that FlashMeasurer has measured
 };
 
 // From a group of seeds to the markers there, as they were in the last burst that is over. Buffers
@@ -29,24 +34,25 @@ class BurstMeasurer {
                std::vector<BlinkBlob>* blobs);
 
  private:
-  // Units before `now`; none: the seeds had no burst of this blink.
-  std::optional<double> FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
-                                  const BlinkSurface& surface);
+  struct Burst {
+    double units = 0;  // before `now`
+    double period_us = 0;
+  };
+  // None: the seeds had no burst of this blink.
+  std::optional<Burst> FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
+                                 const BlinkSurface& surface);
   // The pixels that lit up between these ages and are connected with a seed, into lit_.
   void Grow(const BlinkPeriod& blink, const ComponentSums& seeds, const BlinkSurface& surface,
             uint32_t newest, uint32_t oldest);
   bool IsSeedOfAnother(const BlinkPeriod& blink, uint32_t state, uint32_t now) const;
-  // Drops from lit_ what hangs on by a pixel or two, and fills in pixels that were dead: noise.
-  void Smooth();
-  static void AddBlob(const BlinkPeriod& blink, PixelList* pixels, double burst_units,
+  static void AddBlob(const BlinkPeriod& blink, PixelList* pixels, const Burst& burst,
                       const BlinkSurface& surface, std::vector<BlinkBlob>* blobs);
 
   std::vector<BlinkPeriod> blinks_;
   int min_pixels_;
   std::vector<int> ages_;
-  PixelRect window_;           // of seen_
-  std::vector<uint8_t> seen_;  // by pixel: kSeen, kLit
-  PixelList lit_, smoothed_;
+  std::vector<bool> seen_;  // by pixel
+  PixelList lit_;
   DiscSplitter splitter_;
 };
 

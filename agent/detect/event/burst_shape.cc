@@ -15,6 +15,9 @@ constexpr double kLongRatio = 1.6;
 constexpr double kMarginPx = 1;  // outside the ellipse
 constexpr int kMaxRounds = 5;    // what is taken out makes the ellipse smaller
 constexpr double kMaxStrayShare = 1.0 / 3;
+// Of a pixel's eight neighbours: a lit one with fewer beside it is noise that hangs on; an unlit
+// one with more is a pixel that noise had put in reset.
+constexpr int kMinBeside = 3, kHoleBeside = 6;
 
 }  // namespace
 
@@ -25,6 +28,40 @@ PixelRect BoxOf(const PixelList& pixels) {
     min_y = std::min(min_y, y), max_y = std::max(max_y, y);
   }
   return {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
+}
+
+bool TouchesBorder(const PixelRect& box, const SensorGeometry& geometry) {
+  return box.x == 0 || box.y == 0 || box.x + box.width == static_cast<int>(geometry.width) ||
+         box.y + box.height == static_cast<int>(geometry.height);
+}
+
+void Smooth(PixelList* pixels) {
+  if (pixels->empty()) return;
+  // A frame of pixels outside saves every look at a border.
+  const PixelRect box = BoxOf(*pixels);
+  const int width = box.width + 2;
+  std::vector<uint8_t> lit(static_cast<size_t>(width) * static_cast<size_t>(box.height + 2), 0);
+  const auto at = [&](int x, int y) { return (y - box.y + 1) * width + x - box.x + 1; };
+  for (const auto& [x, y] : *pixels) lit[static_cast<size_t>(at(x, y))] = 1;
+  const auto lit_beside = [&](int x, int y) {
+    int count = -lit[static_cast<size_t>(at(x, y))];
+    for (int v = y - 1; v <= y + 1; ++v) {
+      for (int u = x - 1; u <= x + 1; ++u) count += lit[static_cast<size_t>(at(u, v))];
+    }
+    return count;
+  };
+  PixelList smoothed;
+  for (const auto& [x, y] : *pixels) {
+    if (lit_beside(x, y) >= kMinBeside) smoothed.emplace_back(x, y);
+  }
+  for (int y = box.y; y < box.y + box.height; ++y) {
+    for (int x = box.x; x < box.x + box.width; ++x) {
+      if (lit[static_cast<size_t>(at(x, y))] == 0 && lit_beside(x, y) >= kHoleBeside) {
+        smoothed.emplace_back(x, y);
+      }
+    }
+  }
+  std::swap(*pixels, smoothed);
 }
 
 double RadiusPx(const Blob& shape) { return std::sqrt(shape.area_px / std::numbers::pi); }

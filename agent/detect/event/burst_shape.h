@@ -3,10 +3,16 @@
 
 #include "agent/detect/blobs/blob_finder.h"
 #include "agent/detect/event/disc_splitter.h"
+#include "agent/event/event_words.h"
 
 namespace rigcal::agent {
 
 PixelRect BoxOf(const PixelList& pixels);
+bool TouchesBorder(const PixelRect& box, const SensorGeometry& geometry);
+
+// Drops what hangs on by a pixel or two, and fills in pixels that were dead: noise.
+void Smooth(PixelList* pixels);
+
 // Of a disc of that area.
 double RadiusPx(const Blob& shape);
 // Longer than one marker is: a disc that moves by its radius is not.

@@ -10,5 +10,6 @@ Experiment AmbientLight();
 Experiment BlinkFrequency();
 Experiment Detection();
 Experiment EventDetection();
+Experiment EventLatency();
 
 }  // namespace rigcal::accuracy

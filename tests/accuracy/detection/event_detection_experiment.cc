@@ -47,7 +47,8 @@ double ImageSpeed(const Intrinsics& intrinsics, const Target& target, const Wand
 std::optional<WandMotion> DrawWand(const EventDetectionOptions& options, uint64_t seed) {
   const Intrinsics& intrinsics = *options.camera.intrinsics;
   RandomWandPoseOptions pose = options.pose;
-  pose.speed_m_s *= RandomStream{seed, 0x5beed}.Uniform();
+  pose.speed_m_s *= options.min_speed_share +
+                    (1 - options.min_speed_share) * RandomStream{seed, 0x5beed}.Uniform();
   auto wand = RandomWandPose(intrinsics, options.camera.image_size_px, options.target, pose, seed);
   if (!wand.has_value()) return wand;
   const double speed = ImageSpeed(intrinsics, options.target, *wand);

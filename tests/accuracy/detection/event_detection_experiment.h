@@ -23,6 +23,7 @@ struct EventDetectionOptions {
   FrameRenderOptions scene;
   EventRenderOptions sensor;
   RandomWandPoseOptions pose;   // speed_m_s is drawn from 0 to pose.speed_m_s for each stream
+  double min_speed_share = 0;   // of pose.speed_m_s: from that on
   double max_speed_px_s = 1e9;  // slower where the wand would move faster in the image
   agent::BlinkFilterOptions filter;
   bool with_wand = true;
@@ -89,22 +90,26 @@ struct EventCentreErrors {
   double rms_px = 0;  // of each coordinate
   double nees_along = 0, nees_across = 0;
 };
-EventCentreErrors CentreErrorsOf(const std::vector<EventStreamResult>& results, double latency_s,
+EventCentreErrors CentreErrorsOf(const std::vector<EventStreamResult>& results,
                                  const EventCentreRange& range);
+// By which the times of the detector's centres are later than the light's: mean of error along the
+// motion over speed.
+double WandLatencyUs(const std::vector<EventStreamResult>& results);
 
 struct EventDetectionSummary {
   int failures = 0, outputs = 0, shown = 0, found = 0;
   int markers = 0, markers_found = 0, false_blobs = 0;
   int textbook_found = 0;     // of `shown`, with a blob of TextbookChain in every marker
-  double latency_us = 0;      // mean of error along the motion over speed
+  double latency_us = 0;      // of blobs: mean of error along the motion over speed
   double rms_px = 0;          // of each coordinate, with that latency subtracted
   double raw_rms_px = 0;      // without that
   double motion_bias_px = 0;  // mean error along the motion at 450 to 650 px/s, latency subtracted
   int motion_centres = 0;     // in that mean
   int detections = 0, wands_shown = 0, wands_found = 0, false_wands = 0;  // of the detector
-  EventCentreErrors wands;  // of its centres, that latency subtracted
-  double mev_per_s = 0;     // events of a second of the streams
-  double render_ratio = 0;  // wall time over simulated time, one thread
+  EventCentreErrors wands;     // of its centres, with nothing subtracted
+  double wand_latency_us = 0;  // of the same centres
+  double mev_per_s = 0;        // events of a second of the streams
+  double render_ratio = 0;     // wall time over simulated time, one thread
 };
 EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results);
 

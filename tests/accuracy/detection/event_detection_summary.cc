@@ -6,7 +6,18 @@
 
 namespace rigcal::accuracy {
 
-EventCentreErrors CentreErrorsOf(const std::vector<EventStreamResult>& results, double latency_s,
+double WandLatencyUs(const std::vector<EventStreamResult>& results) {
+  double delay = 0, speed_squares = 0;
+  for (const EventStreamResult& result : results) {
+    for (const EventCentre& centre : result.wands.centres) {
+      delay -= centre.error_px.dot(centre.velocity_px_s);
+      speed_squares += centre.velocity_px_s.squaredNorm();
+    }
+  }
+  return speed_squares > 0 ? 1e6 * delay / speed_squares : 0;
+}
+
+EventCentreErrors CentreErrorsOf(const std::vector<EventStreamResult>& results,
                                  const EventCentreRange& range) {
   EventCentreErrors errors;
   double squares = 0;
@@ -20,7 +31,7 @@ EventCentreErrors CentreErrorsOf(const std::vector<EventStreamResult>& results, 
       const Eigen::Vector2d along =
           speed > 0 ? Eigen::Vector2d(centre.velocity_px_s / speed) : Eigen::Vector2d::UnitX();
       const Eigen::Vector2d across(-along.y(), along.x());
-      const Eigen::Vector2d error = centre.error_px + latency_s * centre.velocity_px_s;
+      const Eigen::Vector2d& error = centre.error_px;
       const auto normalised = [&](const Eigen::Vector2d& axis) {
         return std::pow(error.dot(axis), 2) / axis.dot(centre.covariance_px2 * axis);
       };
@@ -87,7 +98,8 @@ EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results) {
   summary.rms_px = std::sqrt(squares / (2 * count));
   summary.raw_rms_px = std::sqrt(raw_squares / (2 * count));
   if (summary.motion_centres > 0) summary.motion_bias_px = along / summary.motion_centres;
-  summary.wands = CentreErrorsOf(results, latency_s, {});
+  summary.wands = CentreErrorsOf(results, {});
+  summary.wand_latency_us = WandLatencyUs(results);
   return summary;
 }
 

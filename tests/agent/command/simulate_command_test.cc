@@ -16,6 +16,7 @@
 #include "agent/event_files/event_file_info.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
+#include "tests/testing/word_by_word_decoders.h"
 
 namespace rigcal::agent::simulate_command_test {
 namespace {
@@ -98,14 +99,19 @@ TEST(SimulateCommand, WritesARawFileAndWhereTheMarkersAre) {
                  sink);
   EXPECT_GT(sink.near, 1000);
   EXPECT_EQ(sink.far, 0);
+  const auto read = testing::DecodeEvt3ByThrees(
+      {reinterpret_cast<const uint8_t*>(bytes.data()) + begin, bytes.size() - begin});
+  EXPECT_EQ(read.fault, "");
+  EXPECT_EQ(read.events.size(), info.cd_events + info.trigger_events);
   EXPECT_THAT(ContentsOf((folder.path() / "left.yaml").string()), HasSubstr("camera_matrix"));
 }
 
 TEST(SimulateCommand, RefusesWhatItCannotWrite) {
   const testing::TemporaryDirectory folder;
   const std::string raw = (folder.path() / "left.raw").string();
-  EXPECT_THAT(RunSimulate({"sim:camera=1;cameras=4", "--out", raw}),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("not a simulated event camera")));
+  EXPECT_THAT(
+      RunSimulate({"sim:camera=1;cameras=4", "--out", raw}),
+      StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("not a simulated event camera")));
   EXPECT_THAT(RunSimulate({"sim:camera=1;cameras=4;events=1", "--out", raw + ".h5"}),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(".raw")));
   EXPECT_FALSE(RunSimulate({"sim:camera=1;cameras=4;events=1;duration=0.1", "--out",

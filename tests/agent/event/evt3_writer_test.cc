@@ -11,6 +11,7 @@
 
 #include "agent/event_files/raw_header.h"
 #include "tests/testing/status_matchers.h"
+#include "tests/testing/word_by_word_decoders.h"
 
 namespace rigcal::agent::evt3_writer_test {
 namespace {
@@ -68,56 +69,6 @@ TEST(Evt3Writer, WritesVectorsWhereTheyAreShorter) {
   EXPECT_EQ(bytes.size(), 2 * (2 + 1 + 4u));  // time, row, base and three vectors
 }
 
-// A decoder of its own, that knows vectors only as 12, 12 and 8 columns behind their base.
-std::vector<CdEvent> DecodeByThrees(const std::vector<uint8_t>& bytes) {
-  std::vector<CdEvent> events;
-  uint32_t low = 0, high = 0, y = 0, base = 0;
-  bool on = false;
-  const auto word = [&bytes](size_t i) {
-    return static_cast<uint32_t>(bytes[2 * i] | bytes[2 * i + 1] << 8);
-  };
-  const auto add = [&](uint32_t x) {
-    events.push_back({static_cast<int64_t>(high << 12 | low), static_cast<uint16_t>(x),
-                      static_cast<uint16_t>(y), on});
-  };
-  for (size_t i = 0; i < bytes.size() / 2; ++i) {
-    const uint32_t value = word(i) & 0xfff;
-    switch (word(i) >> 12) {
-      case 0x0:
-        y = value & 0x7ff;
-        break;
-      case 0x2:
-        on = (value & 0x800) != 0;
-        add(value & 0x7ff);
-        break;
-      case 0x3:
-        on = (value & 0x800) != 0;
-        base = value & 0x7ff;
-        break;
-      case 0x4: {
-        EXPECT_EQ(word(i + 1) >> 12, 0x4u);
-        EXPECT_EQ(word(i + 2) >> 12, 0x5u);
-        const uint32_t mask = value | (word(i + 1) & 0xfff) << 12 | (word(i + 2) & 0xff) << 24;
-        for (uint32_t k = 0; k < 32; ++k) {
-          if ((mask >> k & 1) != 0) add(base + k);
-        }
-        base += 32;
-        i += 2;
-        break;
-      }
-      case 0x6:
-        low = value;
-        break;
-      case 0x8:
-        high = value;
-        break;
-      default:
-        ADD_FAILURE() << "word " << word(i);
-    }
-  }
-  return events;
-}
-
 TEST(Evt3Writer, IsReadByDecodersThatKnowVectorsByThreesAlone) {
   std::mt19937 random(4);
   std::vector<CdEvent> events;
@@ -131,7 +82,13 @@ TEST(Evt3Writer, IsReadByDecodersThatKnowVectorsByThreesAlone) {
   }
   std::vector<uint8_t> bytes;
   Evt3Writer().Write(events, &bytes);
-  EXPECT_EQ(DecodeByThrees(bytes), events);
+  const testing::WordByWord read = testing::DecodeEvt3ByThrees(bytes);
+  EXPECT_EQ(read.fault, "");
+  std::vector<CdEvent> read_events;
+  for (const PlainEvent& event : read.events) {
+    read_events.push_back({event.time_us, event.x, event.y, event.kind == PlainEvent::kOn});
+  }
+  EXPECT_EQ(read_events, events);
 }
 
 TEST(Evt3Writer, KeepsTimeOverOverflowsAndSilence) {

@@ -273,7 +273,7 @@ void WriteCompound(const std::string& path, bool wide) {
   H5Tclose(edge);
 }
 
-TEST_F(Hdf5EventReaderTest, PropheseesLayoutWithTriggersMergedIn) {
+TEST_F(Hdf5EventReaderTest, CompoundsWithTriggersMergedIn) {
   for (const bool wide : {false, true}) {
     WriteCompound(path_, wide);
     places_.clear();
@@ -308,7 +308,7 @@ TEST_F(Hdf5EventReaderTest, WrittenAndReadAgainInTheSameOrder) {
   }
   ASSERT_OK_AND_ASSIGN(auto writer, CreateHdf5EventWriter(
                                         path_, {.geometry = SensorGeometry{640, 480}, .fields = {}},
-                                        Hdf5EventLayout::kProphesee));
+                                        Hdf5EventLayout::kCompound));
   ASSERT_THAT(writer->Write(written), IsOk());
   ASSERT_THAT(writer->Finish(), IsOk());
   ASSERT_OK_AND_ASSIGN(const auto read, ReadAll());
@@ -432,7 +432,7 @@ TEST_F(Hdf5EventReaderTest, TruncatedAnywhere) {
   std::vector<PlainEvent> events;
   for (int i = 0; i < 300'000; ++i)
     events.push_back(Cd(i, static_cast<uint16_t>(i % 600), 1, true));
-  ASSERT_OK_AND_ASSIGN(auto writer, CreateHdf5EventWriter(path_, {}, Hdf5EventLayout::kProphesee));
+  ASSERT_OK_AND_ASSIGN(auto writer, CreateHdf5EventWriter(path_, {}, Hdf5EventLayout::kCompound));
   ASSERT_THAT(writer->Write(events), IsOk());
   ASSERT_THAT(writer->Finish(), IsOk());
   const auto size = std::filesystem::file_size(path_);
@@ -450,7 +450,7 @@ TEST_F(Hdf5EventReaderTest, ADamagedChunk) {
   for (int i = 0; i < 300'000; ++i) {
     events.push_back(Cd(i, static_cast<uint16_t>(i % 997 * 7919 % 600), 1, true));
   }
-  ASSERT_OK_AND_ASSIGN(auto writer, CreateHdf5EventWriter(path_, {}, Hdf5EventLayout::kProphesee));
+  ASSERT_OK_AND_ASSIGN(auto writer, CreateHdf5EventWriter(path_, {}, Hdf5EventLayout::kCompound));
   ASSERT_THAT(writer->Write(events), IsOk());
   ASSERT_THAT(writer->Finish(), IsOk());
   const auto size = std::filesystem::file_size(path_);

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/event/flash_measurer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+
+#include "agent/detect/event/burst_shape.h"
+#include "agent/detect/event/wrapped_time.h"
+#include "common/statistics/robust_statistics.h"
+
+namespace rigcal::agent {
+namespace {
+
+// Around a blob: what it moves in a period, and pixels that answer though little of the marker
+// covers them.
+constexpr double kAroundPx = 5;
+// Of a blob's area: fewer pixels are not its answer to a flash.
+constexpr double kLeastShare = 0.4;
+// Of the events about a flash: those before are of edges that move.
+constexpr double kEarlyShare = 0.1;
+// Of a period: by which the earliest may come before those.
+constexpr double kEarly = 0.02;
+// Of a period: width in which the fall of a light that is not known is looked for.
+constexpr double kFallShare = 0.1;
+// Of a period: a light that shines shorter, or is dark shorter, is not followed.
+constexpr double kLeastPhase = 0.08;
+
+}  // namespace
+
+void FlashMeasurer::Collect(std::span<const PackedEvent> events, double due_us,
+                            const std::vector<BlinkBlob>& blobs) {
+  largest_.resize(blobs.size());
+  std::iota(largest_.begin(), largest_.end(), size_t{0});
+  if (largest_.size() > kMaxBlobs) {
+    std::stable_sort(largest_.begin(), largest_.end(),
+                     [&](size_t a, size_t b) { return blobs[a].area_px > blobs[b].area_px; });
+    largest_.resize(kMaxBlobs);
+  }
+  answers_.resize(std::max(answers_.size(), largest_.size()));
+  for (std::vector<Answer>& answers : answers_) answers.clear();
+  struct Disc {
+    double x, y, radius, reach;
+  };
+  std::vector<Disc> discs;
+  for (const size_t index : largest_) {
+    const double radius = RadiusPx(blobs[index]);
+    discs.push_back({blobs[index].centre_px.x(), blobs[index].centre_px.y(), radius,
+                     std::pow(radius + kAroundPx, 2)});
+  }
+  for (const PackedEvent& event : events) {
+    // Of markers that touch each other, the one in whose terms the pixel is nearest.
+    size_t nearest = discs.size();
+    double least = 0;
+    for (size_t i = 0; i < discs.size(); ++i) {
+      const double dx = event.x - discs[i].x, dy = event.y() - discs[i].y;
+      const double away = dx * dx + dy * dy;
+      if (away > discs[i].reach) continue;
+      const double power = away - discs[i].radius * discs[i].radius;
+      if (nearest == discs.size() || power < least) nearest = i, least = power;
+    }
+    if (nearest == discs.size()) continue;
+    answers_[nearest].push_back(
+        {static_cast<float>(SinceUs(due_us, event.time_us)), event.x, event.y(), event.on()});
+  }
+}
+
+std::optional<BlinkLight> FlashMeasurer::FindLight(const BlinkBlob& blob,
+                                                   const std::vector<Answer>& answers,
+                                                   double due_us, double from_us, double until_us) {
+  const double period_us = blob.period_us;
+  if (until_us - from_us < 2 * period_us) return std::nullopt;
+  // The first rise after the beginning.
+  const double burst_us = SinceUs(due_us, blob.burst_us);
+  const double margin_us = kFallShare * period_us;
+  const double on_us =
+      burst_us + std::ceil((from_us + margin_us - burst_us) / period_us) * period_us;
+  times_us_.clear();
+  for (const Answer& answer : answers) {
+    const double since_us = answer.since_due_us - on_us;
+    if (answer.on || since_us < 0 || since_us > period_us) continue;
+    times_us_.push_back(static_cast<float>(since_us));
+  }
+  std::sort(times_us_.begin(), times_us_.end());
+  size_t most = 0, best = 0;
+  for (size_t begin = 0, end = 0; begin < times_us_.size(); ++begin) {
+    while (end < times_us_.size() && times_us_[end] - times_us_[begin] < margin_us) ++end;
+    if (end - begin > most) most = end - begin, best = begin + (end - begin) / 2;
+  }
+  if (static_cast<double>(most) < std::max<double>(min_pixels_, kLeastShare * blob.area_px)) {
+    return std::nullopt;
+  }
+  const double lit_us = times_us_[best];
+  if (std::min(lit_us, period_us - lit_us) < kLeastPhase * period_us) return std::nullopt;
+  return BlinkLight{.frequency = blob.frequency,
+                    .on_us = due_us + on_us,
+                    .period_us = period_us,
+                    .lit_us = lit_us};
+}
+
+std::optional<FlashMeasurer::Flash> FlashMeasurer::MeasureFlash(const std::vector<Answer>& answers,
+                                                                bool on, double begin_us,
+                                                                const BlinkLight& light,
+                                                                int least_pixels) {
+  const double margin_us = light.MarginUs(), answer_us = light.AnswerUs();
+  const auto within = [&](double from_us, double until_us) {
+    flash_.clear();
+    times_us_.clear();
+    for (const Answer& answer : answers) {
+      if (answer.on != on || answer.since_due_us < from_us || answer.since_due_us > until_us) {
+        continue;
+      }
+      flash_.push_back(answer);
+      times_us_.push_back(answer.since_due_us);
+    }
+    return static_cast<int>(flash_.size()) >= least_pixels;
+  };
+  if (!within(begin_us - margin_us, begin_us + margin_us + answer_us)) return std::nullopt;
+  const double earliest_us = LowerQuantile(&times_us_, kEarlyShare) - kEarly * light.period_us;
+  if (!within(earliest_us, earliest_us + answer_us)) return std::nullopt;
+  // Each pixel's first.
+  std::sort(flash_.begin(), flash_.end(), [](const Answer& a, const Answer& b) {
+    return std::tie(a.y, a.x, a.since_due_us) < std::tie(b.y, b.x, b.since_due_us);
+  });
+  times_us_.clear();
+  pixels_.clear();
+  for (const Answer& answer : flash_) {
+    if (!pixels_.empty() && pixels_.back() == std::pair<int, int>(answer.x, answer.y)) continue;
+    pixels_.emplace_back(answer.x, answer.y);
+    times_us_.push_back(answer.since_due_us);
+  }
+  Smooth(&pixels_);
+  if (static_cast<int>(pixels_.size()) < least_pixels) return std::nullopt;
+  Flash flash;
+  flash.time_us = UpperMedian(&times_us_);
+  flash.shape = MarkerShapeOf(&pixels_);
+  return flash;
+}
+
+void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, BlinkLights* lights,
+                            std::vector<BlinkBlob>* blobs) {
+  if (recorder.events().empty()) return;
+  Collect(recorder.events(), due_us, *blobs);
+  const auto since_due = [due_us](int64_t time_us) {
+    return SinceUs(due_us, static_cast<double>(static_cast<uint32_t>(time_us)));
+  };
+  const BlinkLights known = *lights;  // what was recorded is about these
+  for (size_t i = 0; i < largest_.size(); ++i) {
+    BlinkBlob& blob = (*blobs)[largest_[i]];
+    std::optional<BlinkLight> light;
+    if (const BlinkLight* const found = known.Find(blob.frequency, blob.burst_us)) {
+      light = *found;
+    } else if (recorder.all_from_us() != recorder.all_until_us()) {
+      light = FindLight(blob, answers_[i], due_us, since_due(recorder.all_from_us()),
+                        since_due(recorder.all_until_us()));
+    }
+    if (!light) continue;
+    blob.time_us = blob.burst_us + 0.5 * light->lit_us;
+    const double on_us = SinceUs(due_us, light->LastOn(due_us));
+    const int least = std::max(min_pixels_, static_cast<int>(kLeastShare * blob.area_px));
+    const auto rise = MeasureFlash(answers_[i], true, on_us, *light, least);
+    const auto fall = MeasureFlash(answers_[i], false, on_us + light->lit_us, *light, least);
+    if (!rise || !fall) continue;
+    blob.centre_px = 0.5 * (rise->shape.centre_px + fall->shape.centre_px);
+    blob.second_moment_px2 = 0.5 * (rise->shape.second_moment_px2 + fall->shape.second_moment_px2);
+    blob.area_px = (rise->shape.area_px + fall->shape.area_px) / 2;
+    blob.box = rise->shape.box;
+    blob.touches_border =
+        TouchesBorder(rise->shape.box, geometry_) || TouchesBorder(fall->shape.box, geometry_);
+    blob.burst_us = due_us + rise->time_us;
+    blob.time_us = due_us + 0.5 * (rise->time_us + fall->time_us);
+    blob.rise_to_fall_px = fall->shape.centre_px - rise->shape.centre_px;
+    blob.is_timed = true;
+    light->on_us = blob.burst_us;
+    light->lit_us = fall->time_us - rise->time_us;
+    lights->Take(*light);
+  }
+}
+
+}  // namespace rigcal::agent

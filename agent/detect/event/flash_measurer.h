@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "agent/detect/event/blink_lights.h"
+#include "agent/detect/event/burst_measurer.h"
+#include "agent/detect/event/flash_recorder.h"
+
+namespace rigcal::agent {
+
+// Where a marker was in the middle of the time that its light shone, whatever share of a period
+// that is, from how its pixels answer the light's rise and its fall.
+//
+// A pixel fires when its light has changed by a threshold since it last fired. At the front of a
+// moving marker it has become brighter since then already, and at its back darker. So a pixel at
+// the front is quicker to answer the rise and one at the back slower: the pixels that answer it
+// lie ahead of the marker. With the fall it is the other way round, and they lie behind. How far
+// goes with the contrast, and is a millisecond of motion where there is little; but the mean of the
+// two is where the marker was in the middle between rise and fall, to some hundredths of one. Both
+// times are those of the median pixel. One thread at a time.
+class FlashMeasurer {
+ public:
+  // Blobs beyond these, the largest, keep what they have: the time is bounded.
+  static constexpr size_t kMaxBlobs = 24;
+
+  FlashMeasurer(SensorGeometry geometry, int min_pixels)
+      : geometry_(geometry), min_pixels_(min_pixels) {}
+
+  // Gives the blobs the centre, area and time of the last burst of their light that is over at
+  // `due_us`, as far as it was recorded. Lights that are not in `lights` yet are found where
+  // everything was recorded for two periods; times of those that are there are renewed.
+  void Measure(const FlashRecorder& recorder, double due_us, BlinkLights* lights,
+               std::vector<BlinkBlob>* blobs);
+
+ private:
+  struct Answer {
+    float since_due_us = 0;
+    uint16_t x = 0, y = 0;
+    bool on = false;
+  };
+  struct Flash {
+    Blob shape;
+    double time_us = 0;  // since due
+  };
+  void Collect(std::span<const PackedEvent> events, double due_us,
+               const std::vector<BlinkBlob>& blobs);
+  // The light of a blob's first burst that was recorded whole from `from_us` to `until_us`.
+  std::optional<BlinkLight> FindLight(const BlinkBlob& blob, const std::vector<Answer>& answers,
+                                      double due_us, double from_us, double until_us);
+  // The pixels that answer about this time.
+  std::optional<Flash> MeasureFlash(const std::vector<Answer>& answers, bool on, double begin_us,
+                                    const BlinkLight& light, int least_pixels);
+
+  SensorGeometry geometry_;
+  int min_pixels_;
+  std::vector<size_t> largest_;               // indices of blobs
+  std::vector<std::vector<Answer>> answers_;  // of each of those
+  std::vector<Answer> flash_;
+  std::vector<float> times_us_;
+  PixelList pixels_;
+};
+
+}  // namespace rigcal::agent

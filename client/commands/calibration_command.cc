@@ -10,6 +10,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "client/commands/fetch_calibration.h"
 #include "client/output/output.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
@@ -143,7 +144,10 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
   }
   const auto format = FindCalibrationExportFormat(options.format);
   if (!format.ok()) return context.Fail(format.status());
-  const auto files = WriteExport(**format, *calibration, options.output);
+  const bool whole = options.format == "json" && !options.undistorted;
+  const auto files = whole ? WriteJsonExport(*calibration, FetchCovariance(server, options.id),
+                                             options.output, nullptr)
+                           : WriteExport(**format, *calibration, options.output);
   if (!files.ok()) return context.Fail(files.status());
   PrintFiles(options.id, *files, context);
   return ExitCode::kOk;

@@ -37,8 +37,7 @@ absl::StatusOr<CalibrationFile> ParseCalibrationJson(const std::string& what,
   CalibrationFile file;
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
-  const auto parsed =
-      google::protobuf::util::JsonStringToMessage(json, &file.calibration, options);
+  const auto parsed = google::protobuf::util::JsonStringToMessage(json, &file.calibration, options);
   if (!parsed.ok()) return NoCalibration(what, std::string(parsed.message()));
   if (file.calibration.cameras().empty()) return NoCalibration(what, "it has no cameras");
   const auto object = nlohmann::json::parse(json, nullptr, /*allow_exceptions=*/false);
@@ -78,6 +77,20 @@ absl::StatusOr<CalibrationResult> ResultOf(const CalibrationFile& file) {
   RIGCAL_ASSIGN_OR_RETURN(CalibrationResult result, wire::ResultFromProto(file.calibration));
   result.camera_covariance = file.camera_covariance;
   return result;
+}
+
+void SetResult(const CalibrationResult& result, CalibrationFile* file) {
+  v1::Calibration& calibration = file->calibration;
+  calibration.clear_cameras();
+  calibration.clear_target();
+  calibration.clear_other_targets();
+  calibration.clear_refused();
+  calibration.clear_findings();
+  calibration.clear_quality();
+  calibration.clear_trajectory();
+  calibration.clear_wand_volume();
+  wire::FillResult(result, &calibration);
+  file->camera_covariance = result.camera_covariance;
 }
 
 }  // namespace rigcal::client

@@ -34,4 +34,7 @@ std::string CalibrationText(const CalibrationFile& file);
 // the field that is wrong.
 absl::StatusOr<CalibrationResult> ResultOf(const CalibrationFile& file);
 
+// Puts a changed result (poses, covariance, ...) in place of the file's own.
+void SetResult(const CalibrationResult& result, CalibrationFile* file);
+
 }  // namespace rigcal::client

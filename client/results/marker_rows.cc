@@ -77,8 +77,8 @@ absl::StatusOr<MarkerRows> ReadMarkerRows(const std::string& folder,
                                           const std::vector<std::string>& cameras) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
-    return absl::NotFoundError(absl::StrCat(
-        "there is no folder ", folder, "; rows of markers are in <camera>.csv of a folder"));
+    return absl::NotFoundError(absl::StrCat("there is no folder ", folder,
+                                            "; rows of markers are in <camera>.csv of a folder"));
   }
   MarkerRows result;
   int marker_count = 0;
@@ -111,8 +111,8 @@ absl::StatusOr<MarkerRows> ReadMarkerRows(const std::string& folder,
   }
   std::ranges::sort(others);
   if (!others.empty()) {
-    result.warnings.push_back(absl::StrCat("not in the calibration, and left out: ",
-                                           absl::StrJoin(others, ", ")));
+    result.warnings.push_back(
+        absl::StrCat("not in the calibration, and left out: ", absl::StrJoin(others, ", ")));
   }
   if (result.cameras.size() < 2) {
     return absl::InvalidArgumentError(absl::StrCat(

@@ -39,10 +39,13 @@ absl::StatusOr<v1::Calibration> Import(const std::string& path, CommandContext& 
   return std::move(imported->calibration);
 }
 
-// Of the server, or from a file or folder of another program.
+// Of the server, or from a file: an exported calibration.json, or another program's.
 absl::StatusOr<v1::Calibration> FetchOrImport(ServerConnection& server, const std::string& which,
                                               CommandContext& context) {
-  return IsImportPath(which) ? Import(which, context) : FetchCalibration(server, which);
+  if (!IsImportPath(which)) return FetchCalibration(server, which);
+  absl::StatusOr<CalibrationFile> file = FetchCalibrationFile(which, context);
+  if (!file.ok()) return file.status();
+  return std::move(file->calibration);
 }
 
 void PrintFiles(const std::string& id, const std::vector<std::filesystem::path>& files,

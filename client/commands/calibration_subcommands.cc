@@ -6,6 +6,7 @@
 #include "client/commands/command_parser.h"
 #include "client/commands/evaluate_command.h"
 #include "client/commands/origin_command.h"
+#include "client/commands/scale_command.h"
 #include "client/results/calibration_export.h"
 
 namespace rigcal::client {
@@ -157,6 +158,7 @@ void AddCalibrationCommands(CommandParser& parser) {
   AddAccuracy(parser, group);
   AddResiduals(parser, group);
   AddOriginCommand(parser, group);
+  AddScaleCommand(parser, group);
 }
 
 }  // namespace rigcal::client

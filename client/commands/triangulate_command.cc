@@ -11,6 +11,7 @@
 #include "client/results/marker_rows.h"
 #include "client/results/triangulation_file.h"
 #include "common/status/status_macros.h"
+#include "common/triangulate/convention_check.h"
 
 namespace rigcal::client {
 namespace {
@@ -31,9 +32,10 @@ absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandO
   TriangulationOptions triangulation_options = options.triangulation;
   triangulation_options.diameter_m =
       options.diameter_m.value_or(calibration.target.given.diameter_m);
-  RIGCAL_ASSIGN_OR_RETURN(
-      const Triangulation triangulation,
-      TriangulateRows(calibration, std::move(rows.cameras), triangulation_options));
+  RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
+                          TriangulateRows(calibration, rows.cameras, triangulation_options));
+  RIGCAL_RETURN_IF_ERROR(
+      CheckConvention(calibration, rows.cameras, triangulation_options, triangulation));
   const std::string csv =
       TriangulationCsv(triangulation, MarkerLabels(calibration.target.given, marker_count));
   if (options.output == "-") {

@@ -16,6 +16,7 @@ Experiment LineDelays();
 Experiment Origin();
 Experiment Real();
 Experiment Robustness();
+Experiment Scale();
 Experiment Sparse();
 Experiment Starts();
 Experiment Triangulate();

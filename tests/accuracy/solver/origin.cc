@@ -27,7 +27,7 @@ double ShareOf(std::vector<double> values, double share) {
 int RunOrigin(const SeedOptions& seeds) {
   fmt::print(
       "{} cameras 4 m from the middle of the floor, {} s at 25 Hz, 0.3 px; the wand on the floor "
-      "for 1.5 s at each place; floor of 4 m by 4 m\n",
+      "for 1 s at each place; floor of 4 m by 4 m\n",
       seeds.camera_count, seeds.duration_s);
   fmt::print("{:>6} {:>5} {:>6} {:>20} {:>26} {:>12} {:>24}\n", "", "", "", "largest height, mm",
              "tilt, degrees", "within both", "NEES of the transform");

@@ -20,7 +20,7 @@
 namespace rigcal::accuracy {
 namespace {
 
-constexpr int kFramesPerPlace = 38;  // 1.5 s
+constexpr int kFramesPerPlace = 25;  // 1 s; more count no more (kMaxRowsOfStillCentre)
 constexpr double kHalfFloorM = 2;
 constexpr double kFloorStepM = 0.5;
 constexpr double kDegPerRad = 180 / std::numbers::pi;

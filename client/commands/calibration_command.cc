@@ -142,7 +142,9 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
     if (absl::Status status = CheckHasResult(*calibration); !status.ok()) {
       return context.Fail(status);
     }
-    context.console.out << ToJson(*calibration) << "\n" << std::flush;
+    CalibrationFile file{*std::move(calibration), {}};
+    if (!options.undistorted) file.camera_covariance = FetchCovariance(server, options.id);
+    context.console.out << CalibrationText(file) << std::flush;
     return ExitCode::kOk;
   }
   const auto format = FindCalibrationExportFormat(options.format);

@@ -53,6 +53,10 @@ void PrintVoxelTable(const std::vector<VoxelErrors>& voxels) {
       for (int z = 0; z < kVoxelsPerSide; ++z) {
         const VoxelErrors& voxel =
             voxels[static_cast<size_t>((x * kVoxelsPerSide + y) * kVoxelsPerSide + z)];
+        if (voxel.count == 0) {
+          fmt::print("  {:>21}", "-");
+          continue;
+        }
         fmt::print("  {:6.3f}/{:6.3f} ({:5})", 1e3 * std::sqrt(voxel.squared_m2 / voxel.count),
                    1e3 * std::sqrt(voxel.predicted_m2 / voxel.count), voxel.count);
       }
@@ -64,7 +68,7 @@ void PrintVoxelTable(const std::vector<VoxelErrors>& voxels) {
 int RunTriangulate(const SeedOptions& seeds) {
   fmt::print(
       "{} cameras, {} s at 25 Hz, 0.3 px; the last quarter triangulated with a calibration of the "
-      "rest; {} cells\n",
+      "rest; spans of the wand known to 0.1 mm; {} cells\n",
       seeds.camera_count, seeds.duration_s, kVoxelsPerSide * kVoxelsPerSide * kVoxelsPerSide);
   fmt::print("{:20} {:>5} {:>8} {:>8} {:>9} {:>13} {:>10} {:>15} {:>7}\n", "", "", "", "error",
              "predicted", "error by", "cells in", "error/predicted", "NEES");
@@ -108,7 +112,7 @@ int RunTriangulate(const SeedOptions& seeds) {
 
 Experiment Triangulate() {
   SeedOptions defaults;
-  defaults.count = 40;
+  defaults.count = 100;
   return SeedExperiment("triangulate", "errors of triangulated points against their prediction",
                         defaults, RunTriangulate);
 }

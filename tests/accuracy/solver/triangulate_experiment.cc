@@ -18,6 +18,8 @@ namespace {
 
 constexpr double kSolvedShare = 0.75;  // of the wave; the rest is triangulated
 constexpr size_t kPointsPerTrial = 1500;
+// Of each span of the wand, drawn and stated: its scale is right to about 0.04 %.
+constexpr double kSpanSigmaM = 0.0001;
 
 // A triangulated point and where it was, in the frame of the reference camera.
 struct PointWithTruth {
@@ -127,8 +129,11 @@ void VoxelErrors::Add(const VoxelErrors& other) {
 TriangulateTrial RunTriangulateTrial(const SimulationOptions& simulation) {
   Target target;
   target.marker_positions_m = {0, 0.13, 0.39};
+  target.span_tolerance_m = kSpanSigmaM;
+  SimulationOptions options = simulation;
+  options.length_sigma_m = kSpanSigmaM;
   TriangulateTrial trial;
-  const absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(simulation, target);
+  const absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(options, target);
   trial.status = world.ok() ? MeasureVoxels(*world, &trial) : world.status();
   return trial;
 }

@@ -10,6 +10,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "client/commands/fetch_calibration.h"
 #include "client/output/output.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
@@ -38,10 +39,13 @@ absl::StatusOr<v1::Calibration> Import(const std::string& path, CommandContext& 
   return std::move(imported->calibration);
 }
 
-// Of the server, or from a file or folder of another program.
+// Of the server, or from a file: an exported calibration.json, or another program's.
 absl::StatusOr<v1::Calibration> FetchOrImport(ServerConnection& server, const std::string& which,
                                               CommandContext& context) {
-  return IsImportPath(which) ? Import(which, context) : FetchCalibration(server, which);
+  if (!IsImportPath(which)) return FetchCalibration(server, which);
+  absl::StatusOr<CalibrationFile> file = FetchCalibrationFile(which, context);
+  if (!file.ok()) return file.status();
+  return std::move(file->calibration);
 }
 
 void PrintFiles(const std::string& id, const std::vector<std::filesystem::path>& files,
@@ -138,12 +142,17 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
     if (absl::Status status = CheckHasResult(*calibration); !status.ok()) {
       return context.Fail(status);
     }
-    context.console.out << ToJson(*calibration) << "\n" << std::flush;
+    CalibrationFile file{*std::move(calibration), {}};
+    if (!options.undistorted) file.camera_covariance = FetchCovariance(server, options.id);
+    context.console.out << CalibrationText(file) << std::flush;
     return ExitCode::kOk;
   }
   const auto format = FindCalibrationExportFormat(options.format);
   if (!format.ok()) return context.Fail(format.status());
-  const auto files = WriteExport(**format, *calibration, options.output);
+  const bool whole = options.format == "json" && !options.undistorted;
+  const auto files = whole ? WriteJsonExport(*calibration, FetchCovariance(server, options.id),
+                                             options.output, nullptr)
+                           : WriteExport(**format, *calibration, options.output);
   if (!files.ok()) return context.Fail(files.status());
   PrintFiles(options.id, *files, context);
   return ExitCode::kOk;

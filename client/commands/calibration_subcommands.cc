@@ -5,6 +5,8 @@
 #include "client/commands/calibration_command.h"
 #include "client/commands/command_parser.h"
 #include "client/commands/evaluate_command.h"
+#include "client/commands/origin_command.h"
+#include "client/commands/scale_command.h"
 #include "client/results/calibration_export.h"
 
 namespace rigcal::client {
@@ -155,6 +157,8 @@ void AddCalibrationCommands(CommandParser& parser) {
   AddCompare(parser, group);
   AddAccuracy(parser, group);
   AddResiduals(parser, group);
+  AddOriginCommand(parser, group);
+  AddScaleCommand(parser, group);
 }
 
 }  // namespace rigcal::client

@@ -58,6 +58,7 @@ class CommandParser {
 void AddSessionCommands(CommandParser& parser);
 void AddCameraCommands(CommandParser& parser);
 void AddCalibrationCommands(CommandParser& parser);
+void AddTriangulateCommand(CommandParser& parser);
 void AddIdentityCommands(CommandParser& parser);
 void AddLocalCommand(CommandParser& parser);
 

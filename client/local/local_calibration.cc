@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "client/commands/calibrate_command.h"
+#include "client/commands/fetch_calibration.h"
 #include "client/local/capture_table.h"
 #include "client/net/paging.h"
 #include "client/net/polling.h"
@@ -55,6 +56,7 @@ class LocalCalibration {
     RIGCAL_ASSIGN_OR_RETURN(outcome.session, Capture(server, session));
     outcome.capture_s = std::chrono::duration<double>(Clock::now() - begin).count();
     RIGCAL_ASSIGN_OR_RETURN(outcome.calibration, Solve(server, session));
+    outcome.camera_covariance = FetchCovariance(server, outcome.calibration.id());
     return outcome;
   }
 

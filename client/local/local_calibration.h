@@ -16,6 +16,7 @@ struct LocalOutcome {
   rigcal::v1::Session session;  // finished
   double capture_s = 0;         // how long that took
   rigcal::v1::Calibration calibration;
+  std::vector<double> camera_covariance;  // empty: not known
 };
 
 // Starts `rig`, captures one session with these cameras and calibrates from that; shows progress.

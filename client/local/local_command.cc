@@ -19,9 +19,12 @@
 namespace rigcal::client {
 namespace {
 
-absl::Status Export(const v1::Calibration& calibration, const GroundTruthComparison* ground_truth,
+absl::Status Export(const LocalOutcome& outcome, const GroundTruthComparison* ground_truth,
                     const RunFolder& folder) {
-  RIGCAL_RETURN_IF_ERROR(WriteJsonExport(calibration, folder.Export(), ground_truth).status());
+  const v1::Calibration& calibration = outcome.calibration;
+  RIGCAL_RETURN_IF_ERROR(
+      WriteJsonExport(calibration, outcome.camera_covariance, folder.Export(), ground_truth)
+          .status());
   if (!calibration.scale_known()) return absl::OkStatus();
   RIGCAL_ASSIGN_OR_RETURN(const auto* format, FindCalibrationExportFormat("opencv"));
   return WriteExport(*format, calibration, folder.Export()).status();
@@ -59,7 +62,7 @@ ExitCode Conclude(const LocalOutcome& outcome, const LocalPlan& plan, const RunF
     if (!comparison.ok()) code = context.Fail(comparison.status());
   }
   if (succeeded && folder.stays()) {
-    const absl::Status status = Export(calibration, ground_truth, folder);
+    const absl::Status status = Export(outcome, ground_truth, folder);
     if (!status.ok()) code = context.Fail(status);
   }
   if (context.console.format == OutputFormat::kTable) {

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/output/output.h"
 #include "client/results/ground_truth_comparison.h"
+#include "common/export/covariance_json.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::client {
@@ -43,11 +44,14 @@ absl::StatusOr<std::vector<std::filesystem::path>> WriteExport(
 }
 
 absl::StatusOr<std::vector<std::filesystem::path>> WriteJsonExport(
-    const v1::Calibration& calibration, const std::filesystem::path& directory,
-    const GroundTruthComparison* ground_truth) {
+    const v1::Calibration& calibration, const std::vector<double>& camera_covariance,
+    const std::filesystem::path& directory, const GroundTruthComparison* ground_truth) {
   RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
-  return WriteFiles({{"calibration.json", CalibrationJson(calibration, ground_truth) + "\n"}},
-                    directory);
+  return WriteFiles(
+      {{"calibration.json",
+        WithCameraCovariance(CalibrationJson(calibration, ground_truth), camera_covariance) +
+            "\n"}},
+      directory);
 }
 
 }  // namespace rigcal::client

@@ -20,9 +20,10 @@ absl::StatusOr<std::vector<std::filesystem::path>> WriteExport(
     const CalibrationExportFormat& format, const rigcal::v1::Calibration& calibration,
     const std::filesystem::path& directory);
 
-// The calibration as `calibration.json`, with the comparison where there is one.
+// The calibration as `calibration.json`, with the covariance of its cameras (empty: none) and the
+// comparison where there is one.
 absl::StatusOr<std::vector<std::filesystem::path>> WriteJsonExport(
-    const rigcal::v1::Calibration& calibration, const std::filesystem::path& directory,
-    const GroundTruthComparison* ground_truth);
+    const rigcal::v1::Calibration& calibration, const std::vector<double>& camera_covariance,
+    const std::filesystem::path& directory, const GroundTruthComparison* ground_truth);
 
 }  // namespace rigcal::client

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/export/calibration_export.h"
+#include "common/export/covariance_json.h"
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_result_wire.h"
 #include "common/wire/calibration_wire.h"
@@ -106,6 +107,14 @@ absl::Status FillResiduals(const Calibration& calibration, const std::string& ca
   return absl::FailedPreconditionError(
       absl::StrCat("calibration ", calibration.id,
                    " was made before residuals were kept; calibrate its sessions again"));
+}
+
+// Of the whole calibration the covariance is a part, where it fits into the answer.
+void AddCovariance(const Calibration& calibration, const std::string& format_name,
+                   std::string* content) {
+  if (format_name != "json" || !calibration.result) return;
+  std::string with = WithCameraCovariance(*content, calibration.result->camera_covariance);
+  if (with.size() <= kMaxExportBytes) *content = std::move(with);
 }
 
 absl::Status FillExport(const v1::Calibration& calibration, const std::string& format_name,
@@ -245,9 +254,12 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
   grpc::Status ExportCalibration(grpc::ServerContext*, const v1::ExportCalibrationRequest* request,
                                  v1::ExportCalibrationResponse* response) override {
     return GuardedCall("ExportCalibration", [&]() -> absl::Status {
+      const absl::StatusOr<Calibration> stored = runner_.GetCalibration(request->id());
       v1::Calibration calibration;
-      RIGCAL_RETURN_IF_ERROR(Describe(runner_.GetCalibration(request->id()), &calibration));
-      return FillExport(calibration, request->format(), response);
+      RIGCAL_RETURN_IF_ERROR(Describe(stored, &calibration));
+      RIGCAL_RETURN_IF_ERROR(FillExport(calibration, request->format(), response));
+      AddCovariance(*stored, request->format(), response->mutable_content());
+      return absl::OkStatus();
     });
   }
 

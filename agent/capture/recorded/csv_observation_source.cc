@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/camera_status.h"
-#include "agent/capture/recorded/csv_line.h"
 #include "common/status/status_macros.h"
+#include "common/target/csv_line.h"
 
 namespace rigcal::agent {
 namespace {

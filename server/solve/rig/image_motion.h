@@ -5,57 +5,19 @@
 #include <array>
 #include <cstdint>
 #include <optional>
-#include <utility>
 #include <vector>
 
+#include "common/associate/motion_weights.h"
+#include "common/associate/outlier_centres.h"
 #include "common/camera/camera_description.h"
 #include "server/associate/align_clocks.h"
 
 namespace rigcal::server {
 
-inline constexpr Eigen::Index kMaxMotionPoints = 15;
-
 // The image row whose time is that of the camera's clock where rows have times of their own.
 inline double MiddleRow(const CameraDescription& camera) {
   return 0.5 * (camera.image_size_px.height - 1.0);
 }
-
-// A number for each point of a fit.
-using PointWeights = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxMotionPoints, 1>;
-
-// The query of a local polynomial fit. Times in seconds from the own row's.
-struct MotionQuery {
-  PointWeights times_s;
-  Eigen::Index degree;  // 1 to 4, less than there are points
-  double shift_s;
-  Eigen::Index own_index;  // of the own row among the points; -1: it takes no part
-
-  friend bool operator==(const MotionQuery& a, const MotionQuery& b) {
-    return a.shift_s == b.shift_s && a.own_index == b.own_index && a.degree == b.degree &&
-           a.times_s.size() == b.times_s.size() && a.times_s == b.times_s;
-  }
-};
-
-// Weights over the points; see ImageMotion for what they are to do.
-struct MotionWeights {
-  // Their sum over the values is, for the least-squares polynomials of the degree and of one
-  // degree less, P(shift) - P(0).
-  PointWeights displacement, lower_displacement;
-  PointWeights centre;    // of the moved row
-  PointWeights velocity;  // of P'(shift), 1/s, without the centre's noise where there is room
-};
-
-// Remembers the last answers: the markers of one row have been seen at the same times, and so have
-// those of most other rows. For one track.
-class MotionWeightsMemory {
- public:
-  // Valid until the next call.
-  const MotionWeights& Of(const MotionQuery& query);
-
- private:
-  std::vector<std::pair<MotionQuery, MotionWeights>> known_;
-  size_t next_ = 0;  // to be replaced
-};
 
 // Centre and image velocity of a marker at a time near one of its rows.
 struct MarkerMotion {
@@ -66,12 +28,6 @@ struct MarkerMotion {
   double noise_share = 1;
   Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();  // zero where it is not known
 };
-
-// Finds centres of one marker far from the position that their neighbours predict: further than
-// 15 px, and 12 times what is usual. Neighbours further away than `gap_s` are ignored; a centre
-// with fewer than three of them is believed. Times ascend.
-std::vector<bool> FindOutlierCentres(const std::vector<int64_t>& times_ns,
-                                     const std::vector<Eigen::Vector2d>& centres_px, double gap_s);
 
 // The motion of the markers in one camera's image, from local polynomial fits to its rows. The row
 // asked about is moved along the fitted polynomial, u(t) = u_row + P(t) - P(t_row), so that it

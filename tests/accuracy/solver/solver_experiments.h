@@ -13,10 +13,13 @@ Experiment Doctor();
 Experiment Flight();
 Experiment Halves();
 Experiment LineDelays();
+Experiment Origin();
 Experiment Real();
 Experiment Robustness();
+Experiment Scale();
 Experiment Sparse();
 Experiment Starts();
+Experiment Triangulate();
 Experiment UntilMm();
 
 }  // namespace rigcal::accuracy

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "agent/capture/recorded/csv_line.h"
 #include "agent/event_files/event_file_writer.h"
+#include "common/target/csv_line.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 

@@ -155,6 +155,10 @@ TEST_F(ExportCalibration, GivesEachFormatAsAFile) {
   EXPECT_THAT(zip.content(), StartsWith("PK"));
   ASSERT_OK_AND_ASSIGN(const auto json, Export(id, "json"));
   EXPECT_THAT(json.content(), HasSubstr("\"image_size_px\""));
+  Calibration with_covariance = TwoCameras();
+  with_covariance.result->camera_covariance = {0.25, 0.125, 0.5};
+  ASSERT_OK_AND_ASSIGN(const auto whole, Export(Store(with_covariance), "json"));
+  EXPECT_THAT(whole.content(), HasSubstr("\"camera_covariance\": [0.25, 0.125, 0.5]"));
   EXPECT_THAT(Export(id, "nothing"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("opencv, json")));
   EXPECT_THAT(Export("c-000404", "json"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("404")));

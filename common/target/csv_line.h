@@ -8,7 +8,7 @@
 #include "common/status/refusal_reason.h"
 #include "common/target/observation.h"
 
-namespace rigcal::agent {
+namespace rigcal {
 
 // Why a line was refused.
 struct CsvLineFault {
@@ -29,4 +29,4 @@ int CsvFieldCount(std::string_view line);
 std::optional<CsvLineFault> ParseCsvLine(std::string_view line, int marker_count, double sigma_px,
                                          Observation* observation);
 
-}  // namespace rigcal::agent
+}  // namespace rigcal

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "agent/capture/recorded/csv_line.h"
+#include "common/target/csv_line.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 #include <limits>
 #include <string>
 
-namespace rigcal::agent::csv_line_test {
+namespace rigcal::csv_line_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -112,4 +112,4 @@ TEST(ParseCsvLine, QuotesDamagedBytesSafelyAndNotAtLength) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent::csv_line_test
+}  // namespace rigcal::csv_line_test

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "agent/capture/recorded/csv_line.h"
+#include "common/target/csv_line.h"
 
 #include <algorithm>
 #include <charconv>
@@ -10,7 +10,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 
-namespace rigcal::agent {
+namespace rigcal {
 namespace {
 
 constexpr double kNotSeen = -1;
@@ -116,4 +116,4 @@ std::optional<CsvLineFault> ParseCsvLine(std::string_view line, int marker_count
   return std::nullopt;
 }
 
-}  // namespace rigcal::agent
+}  // namespace rigcal

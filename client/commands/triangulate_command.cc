@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/commands/triangulate_command.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "client/commands/command_parser.h"
+#include "client/commands/fetch_calibration.h"
+#include "client/output/output.h"
+#include "client/results/marker_rows.h"
+#include "client/results/triangulation_file.h"
+#include "common/status/status_macros.h"
+#include "common/triangulate/convention_check.h"
+
+namespace rigcal::client {
+namespace {
+
+absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandOptions& options,
+                                                       CommandContext& context) {
+  RIGCAL_ASSIGN_OR_RETURN(const CalibrationFile file,
+                          FetchCalibrationFile(options.calibration, context));
+  RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
+  std::vector<std::string> names;
+  for (const CalibratedCamera& camera : calibration.cameras) names.push_back(camera.camera);
+  RIGCAL_ASSIGN_OR_RETURN(MarkerRows rows, ReadMarkerRows(options.data, names));
+  for (const std::string& warning : rows.warnings) context.console.Message(warning);
+  size_t marker_count = 0;
+  for (const CameraRows& camera : rows.cameras) {
+    marker_count = std::max(marker_count, camera.rows.front().markers.size());
+  }
+  TriangulationOptions triangulation_options = options.triangulation;
+  triangulation_options.diameter_m =
+      options.diameter_m.value_or(calibration.target.given.diameter_m);
+  RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
+                          TriangulateRows(calibration, rows.cameras, triangulation_options));
+  RIGCAL_RETURN_IF_ERROR(
+      CheckConvention(calibration, rows.cameras, triangulation_options, triangulation));
+  const std::string csv =
+      TriangulationCsv(triangulation, MarkerLabels(calibration.target.given, marker_count));
+  if (options.output == "-") {
+    context.console.out << csv << std::flush;
+  } else {
+    RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.output, csv));
+  }
+  TriangulationSummary summary = Summarise(calibration, triangulation);
+  summary.calibration = options.calibration;
+  summary.output = options.output;
+  return summary;
+}
+
+}  // namespace
+
+ExitCode TriangulateData(const TriangulateCommandOptions& options, CommandContext& context) {
+  const absl::StatusOr<TriangulationSummary> summary = TriangulateFolder(options, context);
+  // The points themselves have gone to stdout.
+  if (summary.ok() && options.output == "-") return ExitCode::kOk;
+  return context.Show(summary, FormatTriangulation);
+}
+
+void AddTriangulateCommand(CommandParser& parser) {
+  auto [app, options] = parser.AddCommand(
+      nullptr, "triangulate",
+      "Labelled rows of a calibrated rig to points in 3-D, each with its covariance",
+      TriangulateData);
+  AddArgument(app, "CALIBRATION",
+              "Id of a calibration, or the path (with a . or /) of an exported calibration.json or "
+              "of another program's file",
+              &options->calibration);
+  AddOption(app, "--data", "DIR", &options->data,
+            "Folder with rows: <camera>.csv (time_ns;x0;y0;x1;y1;..., -1: not seen) for each "
+            "camera")
+      ->required();
+  AddOption(app, "--output", "FILE", &options->output,
+            "CSV to write: time_s, label, x_m, y_m, z_m, sigmas, covariances; - for stdout")
+      ->required();
+  AddOption(app, "--sigma-px", "PX", &options->triangulation.sigma_px,
+            "One sigma of each coordinate of a centre, pixels; without it as the calibration's "
+            "residuals scatter, camera by camera")
+      ->check(NumberBetween(1e-3, 100));
+  AddOption(app, "--max-sigmas", "N", &options->triangulation.max_sigmas,
+            "A centre further than this from the point of all its views is left out (default 5)")
+      ->check(NumberBetween(1, 1e6));
+  app->add_option_function<double>(
+         "--diameter", [options = options](double diameter_m) { options->diameter_m = diameter_m; },
+         "Diameter of the spheres whose image centres the rows hold, metres; 0: the rows hold the "
+         "spheres' own centres; without it as in the calibration's target")
+      ->type_name("M")
+      ->check(NumberBetween(0, 10));
+}
+
+}  // namespace rigcal::client

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// `rigcal triangulate`, `calibration origin` and `calibration scale` on files, without a server.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/results/calibration_file.h"
+#include "tests/client/command_runner.h"
+#include "tests/common/triangulate/true_calibration.h"
+#include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::client::triangulate_command_test {
+namespace {
+
+using ::rigcal::testing::CommandOutcome;
+using ::rigcal::testing::Rigcal;
+using ::rigcal::testing::TemporaryDirectory;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+std::string RowText(const Observation& row) {
+  std::string line = absl::StrCat(row.time_ns);
+  for (const MarkerObservation& marker : row.markers) {
+    if (!marker.visible) {
+      absl::StrAppend(&line, ";-1;-1");
+    } else {
+      absl::StrAppendFormat(&line, ";%.9f;%.9f", marker.centre_px.x(), marker.centre_px.y());
+    }
+  }
+  return line + "\n";
+}
+
+class TriangulateCommand : public ::testing::Test {
+ protected:
+  TriangulateCommand() {
+    SimulationOptions simulation;
+    simulation.camera_count = 4;
+    simulation.duration_s = 4;
+    simulation.outlier_share = 0;
+    Target wand;
+    wand.marker_positions_m = {0, 0.13, 0.39};
+    world_ = *SimulatedWorld::Create(simulation, wand);
+    CalibrationResult result = rigcal::testing::TrueCalibration(*world_);
+    result.target.marker_positions_m = wand.marker_positions_m;
+    result.target.scale_sigma_rel = 0.001;
+    CalibrationFile file;
+    file.calibration.set_id("c-000001");
+    file.calibration.set_state(v1::Calibration::STATE_SUCCEEDED);
+    SetResult(result, &file);
+    calibration_ = folder_.WriteFile("calibration.json", CalibrationText(file)).string();
+  }
+
+  // As a recorded folder.
+  std::string WriteRows(const std::string& name, const std::vector<CameraRows>& rows) {
+    const std::filesystem::path folder = folder_.path() / name;
+    std::filesystem::create_directories(folder);
+    for (const CameraRows& camera : rows) {
+      std::ofstream file(folder / (camera.camera + ".csv"));
+      for (const Observation& row : camera.rows) file << RowText(row);
+    }
+    return folder.string();
+  }
+
+  // The wand at rest at each of these places for a second.
+  std::vector<CameraRows> AtRest(const std::vector<WandPose>& places) {
+    std::vector<CameraRows> rows;
+    for (int c = 0; c < 4; ++c) {
+      CameraRows& camera = rows.emplace_back();
+      camera.camera = absl::StrCat("sim_", c);
+      int frame = 0;
+      for (const WandPose& place : places) {
+        for (int i = 0; i < 25; ++i) camera.rows.push_back(world_->ObserveWand(c, frame++, place));
+      }
+    }
+    return rows;
+  }
+
+  std::string Path(const char* name) const { return (folder_.path() / name).string(); }
+
+  TemporaryDirectory folder_;
+  std::optional<SimulatedWorld> world_;
+  std::string calibration_;
+};
+
+TEST_F(TriangulateCommand, WritesPointsThatEvaluateReads) {
+  const std::string rows = WriteRows("rows", rigcal::testing::RowsOf(*world_));
+  const CommandOutcome outcome =
+      Rigcal({"triangulate", calibration_, "--data", rows, "--output", Path("points.csv")});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("points at"), HasSubstr("130.00"),
+                                 HasSubstr("no covariance of the calibration")));
+  std::ostringstream truth;
+  truth << "time_s,label,x_m,y_m,z_m\n";
+  for (int i = 0; i < 400; ++i) {
+    for (size_t marker = 0; marker < 3; ++marker) {
+      const Eigen::Vector3d at = world_->MarkerAt(world_->WandAt(0.01 * i), marker);
+      truth << absl::StrFormat("%.3f,%d,%.9f,%.9f,%.9f\n", 0.01 * i, marker, at.x(), at.y(),
+                               at.z());
+    }
+  }
+  const std::string truth_file = folder_.WriteFile("truth.csv", truth.str()).string();
+  const auto json = nlohmann::json::parse(
+      Rigcal({"evaluate", Path("points.csv"), "--ground-truth", truth_file, "-o", "json"}).out);
+  EXPECT_GT(json.at("count").get<int>(), 200);
+  EXPECT_LT(json.at("total_rmse_m").get<double>(), 0.003);
+}
+
+TEST_F(TriangulateCommand, NamesWhatIsMissing) {
+  EXPECT_THAT(Rigcal({"triangulate", "./none.json", "--data", ".", "--output", "-"}).err,
+              HasSubstr("none.json"));
+  EXPECT_THAT(Rigcal({"triangulate", calibration_, "--data", Path("none"), "--output", "-"}).err,
+              HasSubstr("no folder"));
+  std::vector<CameraRows> rows = rigcal::testing::RowsOf(*world_);
+  rows.resize(2);
+  rows[1].camera = "left";
+  EXPECT_THAT(
+      Rigcal({"triangulate", calibration_, "--data", WriteRows("two", rows), "--output", "-"}).err,
+      AllOf(HasSubstr("left out: left"), HasSubstr("a point needs two")));
+}
+
+TEST_F(TriangulateCommand, OriginPutsTheFloorUnderTheWand) {
+  const std::string rows =
+      WriteRows("floor", AtRest({{Eigen::Vector3d(0.4, 0.2, 0.9), Eigen::Vector3d::UnitX()},
+                                 {Eigen::Vector3d(-0.5, 0.3, 0.9), Eigen::Vector3d::UnitY()}}));
+  const CommandOutcome outcome = Rigcal({"calibration", "origin", calibration_, "--floor", rows,
+                                         "--height", "0.02", "--output", Path("floor.json")});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("marker 2 at place 2"));
+  const auto moved = ReadCalibration(Path("floor.json"));
+  ASSERT_THAT(moved, rigcal::testing::IsOk());
+  const auto result = ResultOf(*moved);
+  ASSERT_THAT(result, rigcal::testing::IsOk());
+  for (size_t c = 0; c < 4; ++c) {
+    const double height_m = result->cameras[c].cam_from_rig.SourceFromTargetTranslation().z();
+    const double in_world_m = world_->cameras()[c].cam_from_rig.SourceFromTargetTranslation().z();
+    EXPECT_NEAR(height_m, in_world_m - 0.88, 0.01);
+  }
+  EXPECT_EQ(Rigcal({"calibration", "compare", calibration_, Path("floor.json")}).exit_code, 0);
+}
+
+TEST_F(TriangulateCommand, OriginNeedsExactlyOneWay) {
+  EXPECT_EQ(Rigcal({"calibration", "origin", calibration_, "--output", "x.json"}).exit_code, 2);
+}
+
+TEST_F(TriangulateCommand, ScaleNamesTheSourceThatIsOffAndWritesNothing) {
+  const std::string rows = WriteRows("bar", rigcal::testing::RowsOf(*world_));
+  const double distance_m = (world_->cameras()[0].cam_from_rig.SourceFromTargetTranslation() -
+                             world_->cameras()[1].cam_from_rig.SourceFromTargetTranslation())
+                                .norm();
+  const auto scale = [&](double bar_m) {
+    return Rigcal({"calibration", "scale", calibration_, "--distance",
+                   absl::StrFormat("sim_0,sim_1,%.6f", distance_m), "--length",
+                   absl::StrFormat("0,2,%.6f,0.0002", bar_m), "--data", rows, "--output",
+                   Path("scaled.json")});
+  };
+  const CommandOutcome wrong = scale(0.39 * 1.03);
+  EXPECT_EQ(wrong.exit_code, 1);
+  EXPECT_THAT(wrong.err, AllOf(HasSubstr("\"length 0 to 2\" disagrees"), HasSubstr("longer"),
+                               HasSubstr("nothing was written")));
+  EXPECT_FALSE(std::filesystem::exists(Path("scaled.json")));
+  const CommandOutcome right = scale(0.39);
+  EXPECT_EQ(right.exit_code, 0) << right.err;
+  EXPECT_THAT(right.out, HasSubstr("every length"));
+  EXPECT_TRUE(std::filesystem::exists(Path("scaled.json")));
+}
+
+}  // namespace
+}  // namespace rigcal::client::triangulate_command_test

@@ -6,10 +6,9 @@
 namespace rigcal::accuracy {
 
 std::vector<Experiment> AllExperiments() {
-  return {Crb(),        Consistency(),  Clocks(),         Starts(),
-          LineDelays(), Robustness(),   Doctor(),         Real(),
-          Halves(),     Sparse(),       Flight(),         UntilMm(),
-          Detection(),  AmbientLight(), EventDetection(), BlinkFrequency()};
+  return {Crb(),     Consistency(), Clocks(),       Starts(),         LineDelays(),    Robustness(),
+          Doctor(),  Real(),        Halves(),       Monitor(),        Sparse(),        Flight(),
+          UntilMm(), Detection(),   AmbientLight(), EventDetection(), BlinkFrequency()};
 }
 
 }  // namespace rigcal::accuracy

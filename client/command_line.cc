@@ -14,6 +14,7 @@ ExitCode RunCommandLine(const std::vector<std::string>& arguments, Console& cons
   AddCameraCommands(parser);
   AddWatchCommand(parser);
   AddCalibrationCommands(parser);
+  AddRigCommands(parser);
   AddTriangulateCommand(parser);
   AddIdentityCommands(parser);
   auto [doctor, options] = parser.AddCommand(

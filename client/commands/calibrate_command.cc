@@ -5,11 +5,17 @@
 #include <functional>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
+#include "client/commands/rig_command.h"
 #include "client/net/polling.h"
 #include "client/net/server_connection.h"
+#include "client/results/calibration_import.h"
 #include "client/results/ground_truth_comparison.h"
 #include "client/tables/calibration_table.h"
+#include "client/tables/rig_table.h"
 #include "common/wire/calibration_wire.h"
+#include "rigcal/v1/calibration_service.grpc.pb.h"
+#include "rigcal/v1/session_service.grpc.pb.h"
 
 namespace rigcal::client {
 
@@ -51,19 +57,13 @@ absl::StatusOr<v1::Calibration> WaitForEnd(
 
 }  // namespace
 
-ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
-  ServerConnection server(context.server);
+absl::StatusOr<v1::Calibration> CalibrateAndWait(ServerConnection& server,
+                                                 const v1::CreateCalibrationRequest& request,
+                                                 CommandContext& context) {
   absl::StatusOr<v1::Calibration> calibration =
-      CalibrationOf(server.Call(&CalibrationStub::CreateCalibration,
-                                MakeCalibrationRequest(options.sessions, options.calibration)));
-  if (!calibration.ok()) return context.Fail(calibration.status());
+      CalibrationOf(server.Call(&CalibrationStub::CreateCalibration, request));
+  if (!calibration.ok()) return calibration.status();
   const std::string id = calibration->id();
-  if (!options.wait) {
-    if (context.console.format == OutputFormat::kTable) {
-      context.console.Message(absl::StrCat("rigcal calibration get ", id, " shows its progress"));
-    }
-    return ShowCalibration(*calibration, context);
-  }
   ProgressLine progress(context.console);
   calibration = WaitForEnd(server, id, [&](const v1::Calibration& now) {
     progress.Show(FormatCalibrationProgress(now));
@@ -72,9 +72,130 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
   if (!calibration.ok()) {
     context.console.Message(absl::StrCat("stopped waiting for calibration ", id,
                                          "; rigcal calibration get ", id, " shows it later"));
-    return context.Fail(calibration.status());
+    return calibration.status();
   }
-  return ShowCalibration(*calibration, context);
+  if (calibration->state() != v1::Calibration::STATE_FAILED) return calibration;
+  return absl::FailedPreconditionError(
+      absl::StrCat("calibration ", id, " failed: ", calibration->error()));
+}
+
+ExitCode ActivateIfGood(ServerConnection& server, const v1::Calibration& calibration,
+                        const std::string& reason, CommandContext& context) {
+  const v1::Quality& quality = calibration.quality();
+  if (quality.grade() != v1::Quality::GRADE_GOOD) {
+    context.console.Message(absl::StrCat(
+        "calibration ", calibration.id(), " is not graded good and was not made active",
+        quality.reasons().empty() ? "" : absl::StrCat(": ", quality.reasons(0)),
+        "; rigcal rig activate ", calibration.id(), " does so nevertheless"));
+    return ExitCode::kBelowQualityGate;
+  }
+  const absl::StatusOr<v1::Activation> activation =
+      Activate(server, calibration.id(), reason, /*force=*/false);
+  if (!activation.ok()) return context.Fail(activation.status());
+  // What is asked for on stdout is the calibration.
+  context.console.Message(std::string(absl::StripSuffix(FormatActivation(*activation), "\n")));
+  return ExitCode::kOk;
+}
+
+namespace {
+
+// The intrinsics of a calibration of the server, or of another program's file.
+absl::Status AddPrior(ServerConnection& server, const std::string& prior,
+                      v1::CalibrationOptions* options) {
+  v1::Calibration calibration;
+  if (IsImportPath(prior)) {
+    auto imported = ImportCalibration(prior);
+    if (!imported.ok()) return imported.status();
+    calibration = std::move(imported->calibration);
+  } else {
+    auto found = CalibrationOf(server.CallWithId(&CalibrationStub::GetCalibration, prior));
+    if (!found.ok()) return found.status();
+    calibration = *std::move(found);
+  }
+  if (calibration.cameras().empty()) {
+    return absl::FailedPreconditionError(absl::StrCat("--prior ", prior, ": it has no cameras"));
+  }
+  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+    v1::CameraIntrinsics* const given = options->add_given_intrinsics();
+    given->set_camera(camera.camera());
+    *given->mutable_image_size_px() = camera.image_size_px();
+    *given->mutable_intrinsics() = camera.intrinsics();
+  }
+  return absl::OkStatus();
+}
+
+// What the options mean: kinds of solve, and the calibration that they derive from.
+absl::Status CompleteOptions(const CalibrateOptions& options, ServerConnection& server,
+                             v1::CalibrationOptions* request) {
+  if (!options.prior.empty()) {
+    if (absl::Status status = AddPrior(server, options.prior, request); !status.ok()) return status;
+  }
+  const bool is_repair = request->only_cameras_size() > 0;
+  if (is_repair) request->set_kind(v1::CalibrationOptions::KIND_REPAIR);
+  if (options.refine) request->set_kind(v1::CalibrationOptions::KIND_REFINE);
+  if ((!is_repair && !options.refine) || !request->parent_id().empty()) return absl::OkStatus();
+  const auto session =
+      SessionOf(server.CallWithId(&v1::SessionService::Stub::GetSession, options.sessions.front()));
+  if (!session.ok()) return session.status();
+  absl::StatusOr<std::string> active = ActiveCalibrationOf(server, session->rig());
+  if (!active.ok()) return active.status();
+  request->set_parent_id(*active);
+  return absl::OkStatus();
+}
+
+bool IsWhatIf(const v1::CalibrationOptions& options) {
+  return options.what_if() || options.without_cameras_size() > 0 ||
+         options.without_sessions_size() > 0 || options.from_s() > 0 || options.to_s() > 0 ||
+         options.has_assumed_target();
+}
+
+// Against what it derives from, or what is active; silent where there is neither.
+void ShowDifference(ServerConnection& server, const v1::Calibration& calibration,
+                    CommandContext& context) {
+  if (context.console.format == OutputFormat::kJson) return;
+  std::string parent = calibration.options().parent_id();
+  if (parent.empty()) parent = ActiveCalibrationOf(server, calibration.rig()).value_or("");
+  if (parent.empty() || parent == calibration.id()) return;
+  const auto difference = FetchDifference(server, parent, calibration.id());
+  if (difference.ok()) {
+    context.console.out << "\n" << FormatDifference(*difference) << std::flush;
+  } else {
+    context.console.Message(absl::StrCat("no comparison with calibration ", parent, ": ",
+                                         std::string(difference.status().message())));
+  }
+}
+
+}  // namespace
+
+ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
+  ServerConnection server(context.server);
+  v1::CreateCalibrationRequest request =
+      MakeCalibrationRequest(options.sessions, options.calibration);
+  request.set_reason(options.reason);
+  request.set_notes(options.notes);
+  if (absl::Status status = CompleteOptions(options, server, request.mutable_options());
+      !status.ok()) {
+    return context.Fail(status);
+  }
+  const bool what_if = IsWhatIf(request.options());
+  request.mutable_options()->set_what_if(what_if);
+  if (!options.wait && !options.activate) {
+    const absl::StatusOr<v1::Calibration> queued =
+        CalibrationOf(server.Call(&CalibrationStub::CreateCalibration, request));
+    if (!queued.ok()) return context.Fail(queued.status());
+    if (context.console.format == OutputFormat::kTable) {
+      context.console.Message(
+          absl::StrCat("rigcal calibration get ", queued->id(), " shows its progress"));
+    }
+    return ShowCalibration(*queued, context);
+  }
+  const absl::StatusOr<v1::Calibration> calibration = CalibrateAndWait(server, request, context);
+  if (!calibration.ok()) return context.Fail(calibration.status());
+  const ExitCode shown = ShowCalibration(*calibration, context);
+  if (what_if || calibration->options().kind() != v1::CalibrationOptions::KIND_UNSPECIFIED) {
+    ShowDifference(server, *calibration, context);
+  }
+  return options.activate ? ActivateIfGood(server, *calibration, options.reason, context) : shown;
 }
 
 ExitCode ShowCalibration(const v1::Calibration& calibration, CommandContext& context,

@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <optional>
+
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/strip.h"
 #include "client/commands/calibrate_command.h"
 #include "client/commands/calibration_command.h"
 #include "client/commands/command_parser.h"
 #include "client/commands/evaluate_command.h"
 #include "client/commands/origin_command.h"
+#include "client/commands/rig_command.h"
 #include "client/commands/scale_command.h"
 #include "client/results/calibration_export.h"
 
@@ -14,12 +19,87 @@ namespace {
 
 constexpr char kIdHelp[] = "Id of the calibration";
 
+// "10", "10s" or "1.5min".
+absl::StatusOr<double> ParseSeconds(const std::string& text) {
+  absl::string_view number = text;
+  double unit_s = 1;
+  if (absl::ConsumeSuffix(&number, "min")) {
+    unit_s = 60;
+  } else {
+    absl::ConsumeSuffix(&number, "s");
+  }
+  double value = 0;
+  if (absl::SimpleAtod(number, &value) && value >= 0 && value * unit_s <= 1e6)
+    return value * unit_s;
+  return absl::InvalidArgumentError("is no time; wants seconds, like 10s, or 1.5min");
+}
+
+// "wand=0,0.13,0.39", or as --target.
+absl::StatusOr<std::optional<Target>> ParseAssumed(const std::string& text) {
+  std::string target = text;
+  if (target.starts_with("wand=")) target[4] = ':';
+  absl::StatusOr<Target> parsed = ParseTarget(target);
+  if (!parsed.ok()) return parsed.status();
+  return std::optional<Target>(*std::move(parsed));
+}
+
+CLI::Option* AddCameras(CLI::App* app, const char* name, std::vector<std::string>* cameras,
+                        const std::string& what) {
+  return AddOption(app, name, "CAMERA,...", cameras, what)->delimiter(',');
+}
+
+void AddKinds(CLI::App* app, CalibrateOptions* options) {
+  const std::string other_group = app->option_defaults()->get_group();
+  app->option_defaults()->group("What is kept of an earlier calibration");
+  CLI::Option* only = AddCameras(
+      app, "--only,--repair", &options->calibration.only_cameras,
+      "Solve these cameras alone: the others keep the poses of the active calibration. A camera "
+      "that it does not have joins the rig");
+  app->add_flag("--refine", options->refine,
+                "Solve all cameras, with the active calibration and its covariance as a prior")
+      ->excludes(only);
+  AddOption(app, "--parent", "ID", &options->calibration.parent_id,
+            "With --only and --refine: this calibration instead of the active one");
+  AddCameras(app, "--fix-intrinsics", &options->calibration.fixed_intrinsics,
+             "Keep the intrinsics of these cameras while those of others are refined");
+  app->add_flag_callback(
+      "--fix-offsets", [options] { options->calibration.time_offsets = Estimate::kFixed; },
+      "Keep the time offsets as the clocks give them, as --time-offsets fixed");
+  AddOption(app, "--prior", "FILE|ID", &options->prior,
+            "Use the intrinsics of this calibration, or of another program's file (with a . or /), "
+            "instead of those of the sessions");
+  app->option_defaults()->group(other_group);
+}
+
+void AddWhatIf(CLI::App* app, CalibrationOptions* options) {
+  const std::string other_group = app->option_defaults()->get_group();
+  app->option_defaults()->group("What if (the result can never become active)");
+  AddCameras(app, "--without", &options->without_cameras, "Leave these cameras out");
+  AddOption(app, "--without-session", "SESSION", &options->without_sessions,
+            "Leave this session out, which another one continues; may be repeated")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  AddParsedOption(app, "--from", "TIME", &options->from_s, ParseSeconds,
+                  "Only from this long after each camera's first observation of a session: 10s");
+  AddParsedOption(app, "--to", "TIME", &options->to_s, ParseSeconds, "And only up to this");
+  AddParsedOption(app, "--assume", "wand=POSITIONS", &options->assumed_target, ParseAssumed,
+                  "Take the wand for this one, as wand=0,0.1301,0.39");
+  app->add_flag("--what-if", options->what_if, "A what-if without any of these");
+  app->option_defaults()->group(other_group);
+}
+
 void AddCalibrate(CommandParser& parser) {
   auto [app, options] = parser.AddCommand(
       nullptr, "calibrate", "Calibrate from one or more finished sessions", Calibrate);
   AddArgument(app, "SESSION", "Ids of the sessions", &options->sessions);
   app->add_flag("--wait", options->wait, "Return with the result");
+  app->add_flag("--activate", options->activate,
+                "Wait, and make the result the active calibration of the rig if it is good");
+  AddOption(app, "--reason", "TEXT", &options->reason, "Why; it is kept with the calibration");
+  AddOption(app, "--notes", "TEXT", &options->notes, "Free text, likewise");
   AddCalibrationOptions(app, &options->calibration);
+  AddKinds(app, options);
+  AddWhatIf(app, &options->calibration);
 }
 
 constexpr char kUndistortedHelp[] =
@@ -80,6 +160,16 @@ void AddCompare(CommandParser& parser, CLI::App* group) {
               "Id of a calibration, or the path of another program's file (with a . or /)",
               &ids->a);
   AddArgument(app, "B", "Another", &ids->b);
+}
+
+void AddDiff(CommandParser& parser, CLI::App* group) {
+  auto [app, ids] = parser.AddCommand(
+      group, "diff",
+      "Which cameras moved from A to B, by how much, and whether that is more than both "
+      "uncertainties; the frames are aligned over the cameras that did not move",
+      DiffCalibrations);
+  AddArgument(app, "A", "Id of a calibration", &ids->a);
+  AddArgument(app, "B", "Id of another", &ids->b);
 }
 
 void AddAccuracy(CommandParser& parser, CLI::App* group) {
@@ -155,6 +245,7 @@ void AddCalibrationCommands(CommandParser& parser) {
   AddExport(parser, group);
   AddImport(parser, group);
   AddCompare(parser, group);
+  AddDiff(parser, group);
   AddAccuracy(parser, group);
   AddResiduals(parser, group);
   AddOriginCommand(parser, group);

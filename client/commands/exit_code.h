@@ -16,6 +16,7 @@ enum class ExitCode : int {
   kNotAllowed = 4,
   kObservationsMissing = 5,
   kServerUnreachable = 6,
+  kCameraMoved = 7,
 };
 
 // The list that ends every --help.
@@ -28,6 +29,7 @@ inline constexpr std::string_view kExitCodeHelp =
     "  4  not allowed\n"
     "  5  observations are missing (session verify)\n"
     "  6  server unreachable\n"
+    "  7  a camera has moved, or it cannot be told (monitor)\n"
     "Ended by a signal: 128 and its number, as the shell counts it.";
 
 // UNAVAILABLE and DEADLINE_EXCEEDED: the server did not answer. UNAUTHENTICATED and

@@ -10,6 +10,7 @@
 #include "client/net/polling.h"
 #include "client/output/quantities.h"
 #include "client/results/session_verification.h"
+#include "client/tables/rig_table.h"
 #include "client/tables/session_table.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
@@ -25,6 +26,7 @@ using SessionStub = v1::SessionService::Stub;
 constexpr std::chrono::milliseconds kStreamTimeout{60'000};
 constexpr std::chrono::milliseconds kRetryInterval{500};
 constexpr std::chrono::milliseconds kPatience{30'000};
+constexpr std::chrono::milliseconds kPruneTimeout{600'000};  // it gives the space back, too
 
 void WarnOfMissing(const v1::Session& session, CommandContext& context) {
   if (session.missing_cameras().empty()) return;
@@ -188,6 +190,28 @@ ExitCode DiscardSession(const SessionDiscardOptions& options, CommandContext& co
   request.set_id(options.id);
   request.set_undo(options.undo);
   return context.Show(SessionOf(server.Call(&SessionStub::DiscardSession, request)), FormatSession);
+}
+
+ExitCode PruneSessions(const SessionPruneOptions& options, CommandContext& context) {
+  constexpr double kSecondsPerDay = 86400;
+  if (options.older_than_days <= 0 && options.max_mib <= 0) {
+    context.console.Message(
+        "nothing says which sessions to prune: give --older-than, --max-size or both");
+    return ExitCode::kUsage;
+  }
+  v1::PruneSessionsRequest request;
+  request.set_rig(options.rig);
+  if (options.older_than_days > 0) {
+    *request.mutable_older_than() = wire::ToDuration(options.older_than_days * kSecondsPerDay);
+  }
+  request.set_max_bytes(static_cast<uint64_t>(options.max_mib * (1 << 20)));
+  request.set_include_calibrated(options.include_calibrated);
+  request.set_dry_run(options.dry_run);
+  ServerConnection server(context.server);
+  return context.Show(server.Call(&SessionStub::PruneSessions, request, kPruneTimeout),
+                      [&](const v1::PruneSessionsResponse& response) {
+                        return FormatPruned(response, options.dry_run);
+                      });
 }
 
 ExitCode ResumeSession(const SessionResumeOptions& options, CommandContext& context) {

@@ -42,6 +42,16 @@ struct SessionDiscardOptions {
 };
 ExitCode DiscardSession(const SessionDiscardOptions& options, CommandContext& context);
 
+struct SessionPruneOptions {
+  double older_than_days = 0;  // 0: no limit by age
+  double max_mib = 0;          // 0: no limit by size
+  std::string rig;             // empty: all
+  bool include_calibrated = false;
+  bool dry_run = false;
+};
+// Deletes the observations of old sessions, or says which.
+ExitCode PruneSessions(const SessionPruneOptions& options, CommandContext& context);
+
 struct SessionResumeOptions {
   std::string id;
   double until_mm = 0;  // 0: the new session has no goal

@@ -76,6 +76,24 @@ void AddResume(CommandParser& parser, CLI::App* group) {
       ->check(NumberBetween(kLeastGoalMm, kMostGoalMm));
 }
 
+void AddPrune(CommandParser& parser, CLI::App* group) {
+  auto [app, options] = parser.AddCommand(
+      group, "prune",
+      "Delete the observations of old finished sessions, oldest first. What a calibration was made "
+      "from is kept, and so are the sessions themselves with their counts",
+      PruneSessions);
+  AddOption(app, "--older-than", "DAYS", &options->older_than_days,
+            "Finished at least so many days ago")
+      ->check(NumberBetween(0.0001, 36500));
+  AddOption(app, "--max-size", "MIB", &options->max_mib,
+            "The oldest, until the database has at most so many MiB")
+      ->check(NumberBetween(1, 1e9));
+  AddOption(app, "--rig", "RIG", &options->rig, "Of this rig only");
+  app->add_flag("--include-calibrated", options->include_calibrated,
+                "Also what calibrations were made from: they stay, but cannot be solved again");
+  app->add_flag("--dry-run", options->dry_run, "Say what would be deleted, and delete nothing");
+}
+
 void AddObservations(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "observations",
@@ -122,6 +140,7 @@ void AddSessionCommands(CommandParser& parser) {
   AddIdCommand(parser, group, "delete", "Remove a session and its observations", DeleteSession);
   AddDiscard(parser, group);
   AddResume(parser, group);
+  AddPrune(parser, group);
   AddIdCommand(parser, group, "watch",
                "A line now and after each change, until it is finished (JSON: one object per line)",
                WatchSession);

@@ -12,6 +12,7 @@
 #include "client/output/console.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
+#include "client/tables/rig_table.h"
 #include "client/tables/session_table.h"
 #include "common/geometry/rigid_transform.h"
 #include "common/wire/camera_wire.h"
@@ -363,7 +364,7 @@ std::string FormatCalibrationList(const v1::ListCalibrationsResponse& response) 
 }
 
 std::string FormatCalibration(const v1::Calibration& calibration) {
-  std::string text = FormatHead(calibration);
+  std::string text = FormatHead(calibration) + FormatOrigin(calibration);
   if (calibration.state() == v1::Calibration::STATE_FAILED) {
     absl::StrAppend(&text, "error        ", Printable(calibration.error()), "\n");
   } else if (calibration.state() == v1::Calibration::STATE_RUNNING) {

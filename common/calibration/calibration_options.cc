@@ -13,6 +13,7 @@ constexpr double kMaxSigmaPx = 100;
 constexpr double kMaxAssociationToleranceS = 10;
 constexpr double kMaxDistanceM = 10'000;
 constexpr double kMaxAcceptM = 1'000;
+constexpr double kMaxWindowS = 1e6;
 
 void CheckEstimate(const char* name, Estimate value, FaultList* faults) {
   if (static_cast<uint8_t>(value) > static_cast<uint8_t>(Estimate::kAuto)) {
@@ -47,6 +48,48 @@ void CheckDistance(const KnownDistance& known, FaultList* faults) {
   }
 }
 
+void CheckCameras(const char* name, const std::vector<std::string>& cameras, FaultList* faults) {
+  for (const std::string& camera : cameras) faults->Add(ValidateName(name, camera));
+}
+
+void CheckDerivation(const CalibrationOptions& options, FaultList* faults) {
+  if (options.kind != SolveKind::kFull && options.parent_id.empty()) {
+    faults->Add("parent_id is empty: a ",
+                options.kind == SolveKind::kRefine ? "refinement" : "repair",
+                " needs the calibration that it derives from");
+  }
+  if ((options.kind == SolveKind::kRepair) == options.only_cameras.empty()) {
+    faults->Add(options.only_cameras.empty()
+                    ? "only_cameras is empty: a repair names the cameras to solve"
+                    : "only_cameras goes with a repair");
+  }
+  CheckCameras("only_cameras", options.only_cameras, faults);
+  CheckCameras("fixed_intrinsics", options.fixed_intrinsics, faults);
+  CheckCameras("without_cameras", options.without_cameras, faults);
+  for (const CameraIntrinsics& given : options.given_intrinsics) {
+    const absl::Status status = ValidateName("given_intrinsics.camera", given.camera);
+    faults->Add(status.ok() ? given.intrinsics.Validate(given.image_size_px) : status);
+  }
+}
+
+void CheckWhatIf(const CalibrationOptions& options, FaultList* faults) {
+  if (!(options.from_s >= 0 && options.from_s <= kMaxWindowS) ||
+      !(options.to_s >= 0 && options.to_s <= kMaxWindowS) ||
+      (options.to_s > 0 && !(options.to_s > options.from_s))) {
+    faults->Add("from_s is ", options.from_s, " and to_s ", options.to_s,
+                "; they are seconds, and to_s is 0 (the end) or after from_s");
+  }
+  if (options.assumed_target) faults->Add(options.assumed_target->Validate());
+  if (options.what_if) return;
+  for (const auto& [name, given] :
+       {std::pair("without_cameras", !options.without_cameras.empty()),
+        std::pair("without_sessions", !options.without_sessions.empty()),
+        std::pair("from_s", options.from_s != 0), std::pair("to_s", options.to_s != 0),
+        std::pair("assumed_target", options.assumed_target.has_value())}) {
+    if (given) faults->Add(name, " is for a what-if: set what_if");
+  }
+}
+
 }  // namespace
 
 absl::Status CalibrationOptions::Validate() const {
@@ -65,6 +108,11 @@ absl::Status CalibrationOptions::Validate() const {
              "from the cameras' periods", &faults);
   CheckRange("accept_m", accept_m, kMaxAcceptM, "1 % of the cameras' distance", &faults);
   if (known_distance) CheckDistance(*known_distance, &faults);
+  if (static_cast<uint8_t>(kind) > static_cast<uint8_t>(SolveKind::kRepair)) {
+    faults.Add("kind is not known");
+  }
+  CheckDerivation(*this, &faults);
+  CheckWhatIf(*this, &faults);
   return faults.Result("calibration options: ");
 }
 

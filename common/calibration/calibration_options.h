@@ -4,8 +4,11 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
+#include "common/camera/intrinsics.h"
+#include "common/target/target.h"
 
 namespace rigcal {
 
@@ -36,6 +39,22 @@ struct KnownDistance {
   friend bool operator==(const KnownDistance&, const KnownDistance&) = default;
 };
 
+// What a calibration takes from the one that it derives from.
+enum class SolveKind : uint8_t {
+  kFull = 0,    // nothing
+  kRefine = 1,  // all is solved, the parent with its covariance is a prior of the poses
+  kRepair = 2,  // some cameras are solved, the poses of the others are the parent's
+};
+
+// Intrinsics of one camera, instead of those of its sessions.
+struct CameraIntrinsics {
+  std::string camera;
+  ImageSize image_size_px;
+  Intrinsics intrinsics;
+
+  friend bool operator==(const CameraIntrinsics&, const CameraIntrinsics&) = default;
+};
+
 // What to solve.
 struct CalibrationOptions {
   std::string reference_camera;  // its pose is the rig frame; empty: the lowest name
@@ -50,6 +69,17 @@ struct CalibrationOptions {
   // Largest acceptable error, metres: with a larger predicted error the result is bad. 0: 1 % of
   // the median distance of the cameras from the middle of the waved volume.
   double accept_m = 0;
+
+  std::string parent_id;  // the calibration it derives from; empty: none
+  SolveKind kind = SolveKind::kFull;
+  std::vector<std::string> only_cameras;      // of a repair: those that are solved
+  std::vector<std::string> fixed_intrinsics;  // cameras that keep them while others are refined
+  std::vector<CameraIntrinsics> given_intrinsics;  // instead of those of the sessions
+  bool what_if = false;                            // made to be looked at, never active
+  // Of a what-if only.
+  std::vector<std::string> without_cameras, without_sessions;
+  double from_s = 0, to_s = 0;           // after a camera's first row of a session; to_s 0: the end
+  std::optional<Target> assumed_target;  // for that of the sessions
 
   friend bool operator==(const CalibrationOptions&, const CalibrationOptions&) = default;
   absl::Status Validate() const;

@@ -32,8 +32,11 @@ struct Calibration {
   int64_t end_utc_ns = 0;
   double duration_s = 0;
   std::string software_version;
-  uint32_t attempt_count = 0;  // how often it was begun; not shown to clients
-  std::string damage = {};     // in lists: why the stored record cannot be read; not stored
+  std::string operator_name;      // who asked for it; empty: the server's own PC
+  std::string reason, notes;      // as given
+  std::vector<std::string> held;  // what was not estimated: "pose of cam1"; empty: a full solve
+  uint32_t attempt_count = 0;     // how often it was begun; not shown to clients
+  std::string damage = {};        // in lists: why the stored record cannot be read; not stored
 };
 
 }  // namespace rigcal

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_result_wire.h"
+#include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
 #include "common/wire/time_wire.h"
 #include "rigcal/storage/v1/calibration.pb.h"
@@ -26,6 +27,34 @@ static_assert(static_cast<int>(Estimate::kAuto) == v1::CalibrationOptions::ESTIM
 static_assert(static_cast<int>(TrajectoryChoice::kSpline) ==
               v1::CalibrationOptions::TRAJECTORY_SPLINE);
 
+static_assert(static_cast<int>(SolveKind::kRefine) == v1::CalibrationOptions::KIND_REFINE);
+static_assert(static_cast<int>(SolveKind::kRepair) == v1::CalibrationOptions::KIND_REPAIR);
+
+// What of options says how a calibration derives from another one.
+absl::Status ReadDerivation(const v1::CalibrationOptions& proto, CalibrationOptions* options) {
+  options->parent_id = proto.parent_id();
+  options->kind = static_cast<SolveKind>(proto.kind());
+  options->only_cameras.assign(proto.only_cameras().begin(), proto.only_cameras().end());
+  options->fixed_intrinsics.assign(proto.fixed_intrinsics().begin(),
+                                   proto.fixed_intrinsics().end());
+  for (const v1::CameraIntrinsics& camera : proto.given_intrinsics()) {
+    CameraIntrinsics& given = options->given_intrinsics.emplace_back();
+    given.camera = camera.camera();
+    given.image_size_px = FromProto(camera.image_size_px());
+    RIGCAL_ASSIGN_OR_RETURN(given.intrinsics, FromProto(camera.intrinsics()));
+  }
+  options->what_if = proto.what_if();
+  options->without_cameras.assign(proto.without_cameras().begin(), proto.without_cameras().end());
+  options->without_sessions.assign(proto.without_sessions().begin(),
+                                   proto.without_sessions().end());
+  options->from_s = proto.from_s();
+  options->to_s = proto.to_s();
+  if (proto.has_assumed_target()) {
+    RIGCAL_ASSIGN_OR_RETURN(options->assumed_target, FromProto(proto.assumed_target()));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 v1::CalibrationOptions ToProto(const CalibrationOptions& options) {
@@ -40,6 +69,25 @@ v1::CalibrationOptions ToProto(const CalibrationOptions& options) {
   proto.set_seed(options.seed);
   proto.set_accept_m(options.accept_m);
   proto.set_trajectory(static_cast<v1::CalibrationOptions::Trajectory>(options.trajectory));
+  proto.set_parent_id(options.parent_id);
+  proto.set_kind(static_cast<v1::CalibrationOptions::Kind>(options.kind));
+  proto.mutable_only_cameras()->Assign(options.only_cameras.begin(), options.only_cameras.end());
+  proto.mutable_fixed_intrinsics()->Assign(options.fixed_intrinsics.begin(),
+                                           options.fixed_intrinsics.end());
+  for (const CameraIntrinsics& given : options.given_intrinsics) {
+    v1::CameraIntrinsics* const camera = proto.add_given_intrinsics();
+    camera->set_camera(given.camera);
+    *camera->mutable_image_size_px() = ToProto(given.image_size_px);
+    *camera->mutable_intrinsics() = ToProto(given.intrinsics);
+  }
+  proto.mutable_without_cameras()->Assign(options.without_cameras.begin(),
+                                          options.without_cameras.end());
+  proto.mutable_without_sessions()->Assign(options.without_sessions.begin(),
+                                           options.without_sessions.end());
+  proto.set_from_s(options.from_s);
+  proto.set_to_s(options.to_s);
+  if (options.assumed_target) *proto.mutable_assumed_target() = ToProto(*options.assumed_target);
+  proto.set_what_if(options.what_if);
   if (options.known_distance) {
     v1::KnownDistance* known = proto.mutable_known_distance();
     known->set_camera_a(options.known_distance->camera_a);
@@ -63,7 +111,12 @@ absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto
     return absl::InvalidArgumentError(absl::StrCat(
         "options.trajectory: ", static_cast<int>(proto.trajectory()), " is not known"));
   }
+  if (!v1::CalibrationOptions::Kind_IsValid(proto.kind())) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("options.kind: ", static_cast<int>(proto.kind()), " is not known"));
+  }
   CalibrationOptions options;
+  RIGCAL_RETURN_IF_ERROR(ReadDerivation(proto, &options));
   options.trajectory = static_cast<TrajectoryChoice>(proto.trajectory());
   options.reference_camera = proto.reference_camera();
   options.intrinsics = static_cast<Estimate>(proto.intrinsics());
@@ -109,6 +162,10 @@ v1::Calibration ToProto(const Calibration& calibration) {
   *run->mutable_solve_duration() = ToDuration(calibration.duration_s);
   run->set_software_version(calibration.software_version);
   proto.set_damage(calibration.damage);
+  proto.set_operator_name(calibration.operator_name);
+  proto.set_reason(calibration.reason);
+  proto.set_notes(calibration.notes);
+  proto.mutable_held()->Assign(calibration.held.begin(), calibration.held.end());
   return proto;
 }
 
@@ -143,6 +200,10 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
   calibration.end_utc_ns = FromTimestamp(run.end_time());
   calibration.duration_s = SecondsOf(run.solve_duration());
   calibration.software_version = run.software_version();
+  calibration.operator_name = proto.operator_name();
+  calibration.reason = proto.reason();
+  calibration.notes = proto.notes();
+  calibration.held.assign(proto.held().begin(), proto.held().end());
   return calibration;
 }
 

@@ -95,7 +95,8 @@ absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOpti
                                      options.scratch_dir.string(), ": ", status.message()));
   };
   RIGCAL_RETURN_IF_ERROR(note(
-      writer.Begin(plan.target, task.options, plan.tracks, plan.row_limits, plan.other_targets)));
+      writer.Begin(plan.target, task.options, plan.tracks, plan.row_limits, plan.other_targets,
+                   task.parent)));
   RIGCAL_RETURN_IF_ERROR(ReadCalibrationRows(task.store, plan, task.max_observations, cancelled,
                                              refused,
                                              [&](size_t track, const ObservationBatch& batch) {

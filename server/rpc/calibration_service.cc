@@ -16,6 +16,7 @@
 #include "server/rpc/call_guard.h"
 #include "server/rpc/list_arguments.h"
 #include "server/rpc/services.h"
+#include "server/solve/evaluate/rig_difference.h"
 #include "server/solve/evaluate/triangulation_accuracy.h"
 
 namespace rigcal::server {
@@ -52,6 +53,32 @@ void SetSummary(const AccuracySummary& summary, v1::AccuracySummary* proto) {
   proto->set_p95_m(summary.p95_m);
   proto->set_worst_m(summary.worst_m);
   if (summary.count > 0) *proto->mutable_worst_point_m() = wire::ToProto(summary.worst_point_m);
+}
+
+v1::CompareCalibrationsResponse DifferenceMessage(const RigDifference& difference) {
+  v1::CompareCalibrationsResponse message;
+  message.mutable_frame_cameras()->Assign(difference.frame_cameras.begin(),
+                                          difference.frame_cameras.end());
+  message.mutable_only_in_a()->Assign(difference.only_in_a.begin(), difference.only_in_a.end());
+  message.mutable_only_in_b()->Assign(difference.only_in_b.begin(), difference.only_in_b.end());
+  message.set_scale_difference(difference.scale_difference);
+  message.set_problem(difference.problem);
+  *message.mutable_centre_m() = wire::ToProto(difference.centre_m);
+  for (const CameraDifference& camera : difference.cameras) {
+    v1::CameraDifference* const proto = message.add_cameras();
+    proto->set_camera(camera.camera);
+    proto->set_verdict(static_cast<v1::CameraDifference::Verdict>(camera.verdict));
+    proto->set_translation_m(camera.translation_m);
+    proto->set_translation_sigma_m(camera.translation_sigma_m);
+    proto->set_rotation_rad(camera.rotation_rad);
+    proto->set_rotation_sigma_rad(camera.rotation_sigma_rad);
+    proto->set_centre_px(camera.centre_px);
+    proto->set_centre_sigma_px(camera.centre_sigma_px);
+    proto->set_sigmas(camera.sigmas);
+    proto->set_time_offset_s(camera.time_offset_s);
+    proto->set_time_offset_sigma_s(camera.time_offset_sigma_s);
+  }
+  return message;
 }
 
 absl::Status NoResult(const Calibration& calibration) {
@@ -137,17 +164,35 @@ absl::Status FillExport(const v1::Calibration& calibration, const std::string& f
 class CalibrationService final : public v1::CalibrationService::WithCallbackMethod_WatchCalibration<
                                      v1::CalibrationService::Service> {
  public:
-  CalibrationService(CalibrationRunner* runner, WatchHub* watches)
-      : runner_(*runner), watches_(*watches) {}
+  CalibrationService(CalibrationRunner* runner, WatchHub* watches, CallSecurity* security)
+      : runner_(*runner), watches_(*watches), security_(*security) {}
 
-  grpc::Status CreateCalibration(grpc::ServerContext*, const v1::CreateCalibrationRequest* request,
+  grpc::Status CreateCalibration(grpc::ServerContext* context,
+                                 const v1::CreateCalibrationRequest* request,
                                  v1::CreateCalibrationResponse* response) override {
     return GuardedCall("CreateCalibration", [&]() -> absl::Status {
       RIGCAL_ASSIGN_OR_RETURN(CalibrationOptions options, wire::FromProto(request->options()));
       return Describe(
-          runner_.CreateCalibration({request->session_ids().begin(), request->session_ids().end()},
-                                    std::move(options)),
+          runner_.CreateCalibration(
+              {request->session_ids().begin(), request->session_ids().end()}, std::move(options),
+              {security_.CallerOf(*context).OperatorName(), request->reason(), request->notes()}),
           response->mutable_calibration());
+    });
+  }
+
+  grpc::Status CompareCalibrations(grpc::ServerContext*,
+                                   const v1::CompareCalibrationsRequest* request,
+                                   v1::CompareCalibrationsResponse* response) override {
+    return GuardedCall("CompareCalibrations", [&]() -> absl::Status {
+      RIGCAL_ASSIGN_OR_RETURN(const Calibration a, runner_.GetCalibration(request->id_a()));
+      RIGCAL_ASSIGN_OR_RETURN(const Calibration b, runner_.GetCalibration(request->id_b()));
+      if (!a.result) return NoResult(a);
+      if (!b.result) return NoResult(b);
+      RIGCAL_ASSIGN_OR_RETURN(const RigDifference difference, CompareRigs(*a.result, *b.result));
+      *response = DifferenceMessage(difference);
+      response->set_id_a(a.id);
+      response->set_id_b(b.id);
+      return absl::OkStatus();
     });
   }
 
@@ -266,13 +311,14 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
  private:
   CalibrationRunner& runner_;
   WatchHub& watches_;
+  CallSecurity& security_;
 };
 
 }  // namespace
 
 std::unique_ptr<grpc::Service> MakeCalibrationService(const RpcServerParts& parts,
-                                                      WatchHub* watches) {
-  return std::make_unique<CalibrationService>(parts.runner, watches);
+                                                      WatchHub* watches, CallSecurity* security) {
+  return std::make_unique<CalibrationService>(parts.runner, watches, security);
 }
 
 }  // namespace rigcal::server

@@ -25,6 +25,9 @@ namespace rigcal::server {
 struct Caller {
   Peer peer;
   std::string address;  // "10.0.0.5:41002"; empty: over the socket file, or in the process
+
+  // As it is kept with what he has changed: "operator 'anna'"; empty: somebody on this PC.
+  std::string OperatorName() const { return peer.has_certificate ? Describe(peer) : ""; }
 };
 
 // Tells who calls, and whether they may. Every connection and every call goes through here. Without

@@ -12,6 +12,7 @@
 #include "server/ingest/ingest.h"
 #include "server/listen/listener.h"
 #include "server/live/live_tracker.h"
+#include "server/rpc/call_security.h"
 #include "server/rpc/live_answers.h"
 #include "server/rpc/observation_readers.h"
 #include "server/rpc/watch_hub.h"
@@ -49,7 +50,8 @@ std::unique_ptr<grpc::Service> MakeIdentityService(IdentityAuthority* authority)
 std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, WatchHub* watches,
                                                   ObservationReaders* readers);
 std::unique_ptr<grpc::Service> MakeCalibrationService(const RpcServerParts& parts,
-                                                      WatchHub* watches);
+                                                      WatchHub* watches, CallSecurity* security);
+std::unique_ptr<grpc::Service> MakeRigService(Store* store, CallSecurity* security);
 std::unique_ptr<grpc::Service> MakeLiveService(LiveAnswers* answers);
 std::unique_ptr<grpc::Service> MakeMaintenanceService(Store* store, WatchHub* watches);
 // It has started at `start_utc_ns`. At most `max_connections` are open on `listener`.

@@ -14,12 +14,14 @@
 #include "server/rpc/call_guard.h"
 #include "server/rpc/list_arguments.h"
 #include "server/rpc/services.h"
+#include "server/session/prune.h"
 
 namespace rigcal::server {
 namespace {
 
 // Clients accept 4 MiB.
 constexpr size_t kMaxAuditedBytes = (size_t{4} << 20) - (64 << 10);
+constexpr int64_t kMaxAgeS = int64_t{100} * 366 * 86400;
 constexpr FilterField kSessionFilterFields[] = {{"rig"}, {"state"}};
 constexpr ListFields kSessionFields = {.filter = kSessionFilterFields};
 
@@ -96,6 +98,33 @@ class SessionService final
   grpc::Status DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
                              v1::DeleteSessionResponse*) override {
     return GuardedCall("DeleteSession", [&] { return coordinator_.DeleteSession(request->id()); });
+  }
+
+  grpc::Status PruneSessions(grpc::ServerContext*, const v1::PruneSessionsRequest* request,
+                             v1::PruneSessionsResponse* response) override {
+    return GuardedCall("PruneSessions", [&]() -> absl::Status {
+      RIGCAL_RETURN_IF_ERROR(wire::CheckDuration(request->older_than(), "older_than"));
+      PruneOptions options;
+      options.rig = request->rig();
+      if (request->older_than().seconds() < 0 || request->older_than().seconds() > kMaxAgeS) {
+        return absl::InvalidArgumentError("older_than: must not be negative, nor above 100 years");
+      }
+      options.max_age_ns = static_cast<int64_t>(1e9 * wire::SecondsOf(request->older_than()));
+      options.max_bytes = request->max_bytes();
+      options.include_calibrated = request->include_calibrated();
+      options.dry_run = request->dry_run();
+      RIGCAL_ASSIGN_OR_RETURN(const std::vector<PrunedSession> pruned,
+                              server::PruneSessions(options, &store_, &coordinator_));
+      for (const PrunedSession& session : pruned) {
+        v1::PrunedSession* const proto = response->add_sessions();
+        proto->set_id(session.id);
+        proto->set_observation_count(session.observation_count);
+        proto->set_reason(session.reason);
+        proto->set_kept(session.kept);
+      }
+      response->set_used_bytes(UsedStoreBytes(store_));
+      return absl::OkStatus();
+    });
   }
 
   grpc::Status DiscardSession(grpc::ServerContext*, const v1::DiscardSessionRequest* request,

@@ -46,8 +46,8 @@ absl::Status CheckSessionsFit(absl::Span<const Session> sessions) {
     if (session.observations_delete_utc_ns != 0) {
       return absl::FailedPreconditionError(
           absl::StrCat("the observations of session '", session.id,
-                       "' were deleted by the server's retention ([retention] in its ",
-                       "configuration); record again, or restore a backup"));
+                       "' were deleted, by `rigcal session prune` or by the server's retention ",
+                       "([retention] in its configuration); record again, or restore a backup"));
     }
     for (const SessionCamera& camera : session.cameras) {
       if (camera.description.intrinsics) continue;

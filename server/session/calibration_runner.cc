@@ -5,12 +5,14 @@
 
 #include <algorithm>
 #include <exception>
+#include <optional>
 #include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/session/calibration_input.h"
+#include "server/session/derivation_checks.h"
 #include "server/session/session_rules.h"
 #include "server/session/utc_clock.h"
 
@@ -85,7 +87,7 @@ absl::Status CalibrationRunner::QueueUnfinished() {
 }
 
 absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
-    std::vector<std::string> session_ids, CalibrationOptions options) {
+    std::vector<std::string> session_ids, CalibrationOptions options, CalibrationNote note) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   if (session_ids.empty()) {
     return absl::InvalidArgumentError("session_ids is empty; name at least one finished session");
@@ -104,6 +106,13 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
 
   std::lock_guard create(create_mutex_);
   RIGCAL_RETURN_IF_ERROR(AddContinuedSessions(&session_ids));
+  std::erase_if(session_ids, [&options](const std::string& id) {
+    return std::ranges::find(options.without_sessions, id) != options.without_sessions.end();
+  });
+  if (session_ids.empty()) {
+    return absl::InvalidArgumentError("without_sessions leaves no session");
+  }
+  options.without_sessions.clear();  // done
   RIGCAL_ASSIGN_OR_RETURN(auto hold, coordinator_->HoldSessions(session_ids));
   std::vector<Session> sessions;
   for (const std::string& id : session_ids) {
@@ -122,6 +131,10 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   calibration.options = std::move(options);
   calibration.create_utc_ns = UtcNowNs(options_.utc_now_ns);
   calibration.software_version = options_.software_version;
+  calibration.operator_name = std::move(note.operator_name);
+  calibration.reason = std::move(note.reason);
+  calibration.notes = std::move(note.notes);
+  RIGCAL_RETURN_IF_ERROR(Derive(sessions, &calibration));
   RIGCAL_ASSIGN_OR_RETURN(calibration, store_->CreateCalibration(std::move(calibration)));
   {
     std::lock_guard lock(mutex_);
@@ -129,6 +142,15 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   }
   tasks_.Post([this] { RunNext(); });
   return calibration;
+}
+
+absl::Status CalibrationRunner::Derive(const std::vector<Session>& sessions,
+                                       Calibration* calibration) const {
+  const CalibrationOptions& options = calibration->options;
+  calibration->held = HeldBy(options, sessions);
+  if (options.parent_id.empty()) return CheckDerivation(options, sessions, nullptr);
+  RIGCAL_ASSIGN_OR_RETURN(const Calibration parent, store_->GetCalibration(options.parent_id));
+  return CheckDerivation(options, sessions, &parent);
 }
 
 absl::Status CalibrationRunner::AddContinuedSessions(std::vector<std::string>* session_ids) const {
@@ -291,10 +313,18 @@ void CalibrationRunner::Solve(Calibration* calibration) {
   };
   hooks.cancelled = &interrupted_;
   const auto start = std::chrono::steady_clock::now();
+  std::optional<Calibration> parent;
+  if (calibration->options.kind != SolveKind::kFull) {
+    absl::StatusOr<Calibration> found = store_->GetCalibration(calibration->options.parent_id);
+    if (!found.ok()) return Fail(std::string(found.status().message()), calibration);
+    parent = *std::move(found);
+    if (parent->result) parent->result->residuals.clear();  // not needed, and large
+  }
   CalibrationOutcome outcome = solve_({.store = *store_,
                                        .session_ids = calibration->session_ids,
                                        .max_observations = options_.max_observations,
-                                       .options = calibration->options},
+                                       .options = calibration->options,
+                                       .parent = parent ? &*parent : nullptr},
                                       hooks);
   calibration->duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

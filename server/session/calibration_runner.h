@@ -38,6 +38,12 @@ struct CalibrationRunnerOptions {
   std::function<int64_t()> utc_now_ns = {};  // unset: the system's clock
 };
 
+// What is kept with a calibration besides its options.
+struct CalibrationNote {
+  std::string operator_name;  // empty: the server's own PC
+  std::string reason, notes;
+};
+
 // Runs calibrations one after the other on a thread of its own. A calibration that was queued or
 // running when the server ended is queued again. Progress is kept in memory only. Thread-safe.
 class CalibrationRunner {
@@ -57,7 +63,8 @@ class CalibrationRunner {
 
   // Errors of these as in rigcal/v1/calibration.proto.
   absl::StatusOr<Calibration> CreateCalibration(std::vector<std::string> session_ids,
-                                                CalibrationOptions options);
+                                                CalibrationOptions options,
+                                                CalibrationNote note = {});
   absl::StatusOr<Calibration> GetCalibration(std::string_view id) const;
   absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(const CalibrationFilter& filter,
                                                                     const ListPage& page) const;
@@ -81,6 +88,8 @@ class CalibrationRunner {
   absl::Status QueueUnfinished();
   // Sessions that those named continue, and that those continue, behind them.
   absl::Status AddContinuedSessions(std::vector<std::string>* session_ids) const;
+  // Fills what follows from the options and their parent. Errors as of CheckDerivation.
+  absl::Status Derive(const std::vector<Session>& sessions, Calibration* calibration) const;
   // The first job of the queue; none: it was cancelled.
   void RunNext();
   void RunJob(const Job& job);

@@ -17,9 +17,10 @@ CalibrationOutcome CannotRead(const absl::Status& status, const RefusalCounter& 
 SolveFunction SolveInProcess(CalibrateFunction calibrate) {
   return [calibrate = std::move(calibrate)](const SolveTask& task, const CalibrationHooks& hooks) {
     RefusalCounter refused;
-    const absl::StatusOr<CalibrationInput> input = ReadCalibrationInput(
+    absl::StatusOr<CalibrationInput> input = ReadCalibrationInput(
         task.store, task.session_ids, task.max_observations, *hooks.cancelled, &refused);
     if (!input.ok()) return CannotRead(input.status(), refused);
+    if (task.parent != nullptr) input->parent = task.parent->result;
     return calibrate(*input, task.options, hooks);
   };
 }

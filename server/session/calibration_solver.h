@@ -18,6 +18,7 @@ struct SolveTask {
   const std::vector<std::string>& session_ids;
   size_t max_observations = 0;
   const CalibrationOptions& options;
+  const Calibration* parent = nullptr;  // of the options; null: none
 };
 
 // Reads the observations of the sessions from the store and solves. `hooks.cancelled` is set.

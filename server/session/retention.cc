@@ -8,19 +8,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "server/session/prune.h"
 #include "server/session/utc_clock.h"
 
 namespace rigcal::server {
-namespace {
-
-constexpr int kListPage = 200;
-
-uint64_t UsedBytes(const StoreHealth& health) {
-  return health.size_bytes - std::min(health.size_bytes, health.unused_bytes);
-}
-
-}  // namespace
-
 Retention::Retention(RetentionOptions options, Store* store, SessionCoordinator* coordinator)
     : options_(std::move(options)), store_(store), coordinator_(coordinator) {}
 
@@ -45,7 +36,8 @@ absl::Status Retention::Run() {
 }
 
 absl::Status Retention::DeleteDue() {
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<SessionSummary> candidates, Candidates());
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<SessionSummary> candidates,
+                          FinishedSessions(*store_, ""));
   const int64_t now_utc_ns = UtcNowNs(options_.utc_now_ns);
   uint64_t deleted = 0;
   uint64_t kept = 0;
@@ -53,7 +45,7 @@ absl::Status Retention::DeleteDue() {
     const std::string& id = candidate.session.id;
     const std::string why = DueText(candidate.session, now_utc_ns);
     if (why.empty()) continue;
-    RIGCAL_ASSIGN_OR_RETURN(const bool calibrated, IsCalibrated(id));
+    RIGCAL_ASSIGN_OR_RETURN(const bool calibrated, IsCalibrated(*store_, id));
     if (calibrated && !options_.delete_calibrated) {
       ++kept;
       continue;
@@ -77,25 +69,6 @@ absl::Status Retention::DeleteDue() {
   return store_->Compact([](double) { return absl::OkStatus(); });
 }
 
-absl::StatusOr<std::vector<SessionSummary>> Retention::Candidates() const {
-  std::vector<SessionSummary> candidates;
-  ListPage next{.order = RecordOrder::kOldestFirst, .limit = kListPage};
-  size_t page_size = 0;
-  do {
-    RIGCAL_ASSIGN_OR_RETURN(auto page,
-                            store_->ListSessions({.state = SessionState::kFinished}, next));
-    page_size = page.size();
-    for (auto& [summary, position] : page) {
-      next.after = position;
-      if (summary.damage.empty() && summary.session.observations_delete_utc_ns == 0 &&
-          summary.observation_count > 0) {
-        candidates.push_back(std::move(summary));
-      }
-    }
-  } while (page_size == static_cast<size_t>(kListPage));
-  return candidates;
-}
-
 std::string Retention::DueText(const Session& session, int64_t now_utc_ns) const {
   if (options_.max_age.count() > 0) {
     const std::chrono::nanoseconds age(now_utc_ns - session.finish_utc_ns);
@@ -108,28 +81,13 @@ std::string Retention::DueText(const Session& session, int64_t now_utc_ns) const
     }
   }
   if (options_.max_bytes > 0) {
-    const uint64_t used = UsedBytes(store_->Health());
+    const uint64_t used = UsedStoreBytes(*store_);
     if (used > options_.max_bytes) {
       return absl::StrCat("the database has ", used >> 20, " MiB, and ", options_.max_bytes >> 20,
                           " MiB are kept");
     }
   }
   return "";
-}
-
-absl::StatusOr<bool> Retention::IsCalibrated(const std::string& session_id) const {
-  ListPage next{.limit = kListPage};
-  size_t page_size = 0;
-  do {
-    RIGCAL_ASSIGN_OR_RETURN(const auto page,
-                            store_->ListCalibrations({.session_id = session_id}, next));
-    page_size = page.size();
-    for (const auto& [calibration, position] : page) {
-      next.after = position;
-      if (calibration.state != CalibrationState::kFailed) return true;
-    }
-  } while (page_size == static_cast<size_t>(kListPage));
-  return false;
 }
 
 RetentionStats Retention::Stats() const {

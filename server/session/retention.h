@@ -58,11 +58,8 @@ class Retention {
  private:
   void RunAndPlanNext();
   absl::Status DeleteDue();
-  // Finished sessions that have observations, oldest first.
-  absl::StatusOr<std::vector<SessionSummary>> Candidates() const;
   // Why the observations of a session are due; empty: they are not.
   std::string DueText(const Session& session, int64_t now_utc_ns) const;
-  absl::StatusOr<bool> IsCalibrated(const std::string& session_id) const;
 
   const RetentionOptions options_;
   Store* const store_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <exception>
 #include <map>
+#include <memory>
 #include <new>
 #include <string>
 #include <utility>
@@ -15,11 +16,15 @@
 #include "server/associate/static_points.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/time_search.h"
+#include "server/solve/derivation.h"
 #include "server/solve/diagnose/odd_camera.h"
 #include "server/solve/evaluate/evaluated_solve.h"
+#include "server/solve/evaluate/pose_covariance.h"
+#include "server/solve/evaluate/pose_prior.h"
 #include "server/solve/evaluate/quality_gate.h"
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/input_checks.h"
+#include "server/solve/rig/held_rig.h"
 #include "server/solve/time_search_report.h"
 
 namespace rigcal::server {
@@ -113,10 +118,16 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
   return evaluated;
 }
 
+bool KeepsIntrinsics(const CalibrationOptions& options, const std::string& camera) {
+  return std::ranges::find(options.fixed_intrinsics, camera) != options.fixed_intrinsics.end();
+}
+
 RigSolveOptions SolveOptionsOf(const RigObservations& rig, const CalibrationOptions& options,
                                const CalibrationHooks& hooks,
-                               const std::map<std::string, CameraCounts>& counts) {
+                               const std::map<std::string, CameraCounts>& counts,
+                               std::shared_ptr<const HeldRig> held = nullptr) {
   RigSolveOptions solve;
+  solve.held = std::move(held);
   solve.reference_camera = CameraIndex(rig.index, options.reference_camera);
   solve.estimate_time_offsets = options.time_offsets != Estimate::kFixed;
   solve.estimate_marker_positions =
@@ -137,6 +148,7 @@ RigSolveOptions SolveOptionsOf(const RigObservations& rig, const CalibrationOpti
   solve.cancelled = hooks.cancelled;
   for (const CameraDescription& camera : rig.index.cameras) {
     solve.camera_notes.push_back(absl::StrCat(counts.at(camera.camera).wand_count, " wand views"));
+    solve.keep_intrinsics.push_back(KeepsIntrinsics(options, camera.camera));
   }
   return solve;
 }
@@ -231,15 +243,16 @@ RigObservations WithCourse(RigObservations rig, const FoundCourse& course) {
 absl::Status FollowClocks(const std::vector<ClockCorrection>& clocks,
                           const CalibrationOptions& options, const CalibrationHooks& hooks,
                           const std::map<std::string, CameraCounts>& counts,
-                          const RefusalCounter& refused, RigObservations* rig, Solved* solved,
-                          std::vector<Finding>* followed) {
+                          const RefusalCounter& refused, const std::shared_ptr<const HeldRig>& held,
+                          RigObservations* rig, Solved* solved, std::vector<Finding>* followed) {
   if (options.time_offsets == Estimate::kFixed) return absl::OkStatus();
   for (int round = 0; round < kMaxCourseRounds && !solved->courses.empty(); ++round) {
     const FoundCourse course = solved->courses.front();
     if (!KeepsOrder(course.line)) break;
     RigObservations changed = WithCourse(*rig, course);
-    absl::StatusOr<Solved> again = SolveAndReport(
-        changed, clocks, SolveOptionsOf(changed, options, hooks, counts), options, counts, refused);
+    absl::StatusOr<Solved> again =
+        SolveAndReport(changed, clocks, SolveOptionsOf(changed, options, hooks, counts, held),
+                       options, counts, refused);
     if (absl::IsCancelled(again.status())) return again.status();
     if (!again.ok() || !FitsBetter(solved->result, again->result, course.finding.camera)) break;
     followed->push_back(course.finding);
@@ -266,7 +279,9 @@ absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
   std::vector<bool> new_lens(rig->index.cameras.size(), false);
   for (int round = 0; round < kMaxLensRounds; ++round) {
     std::vector<BetterLens> lenses = solved->evaluated.lenses;
-    std::erase_if(lenses, [](const BetterLens& lens) { return !lens.is_clear; });
+    std::erase_if(lenses, [&](const BetterLens& lens) {
+      return !lens.is_clear || KeepsIntrinsics(options, rig->index.cameras[lens.camera].camera);
+    });
     if (lenses.empty()) break;
     RigObservations changed = WithLenses(*rig, lenses);
     RigSolveOptions solve = SolveOptionsOf(changed, options, hooks, counts);
@@ -293,8 +308,46 @@ void AddFindings(std::vector<Finding> findings, Solved* solved) {
   result.quality = GradeQuality(result, solved->evaluated.predicted);
 }
 
-absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& options,
+// The same with the parent's poses as a prior.
+absl::Status Refine(const RigObservations& rig, const CalibrationOptions& options,
+                    const CalibrationResult& parent,
+                    const std::map<std::string, CameraCounts>& counts,
+                    const RefusalCounter& refused, Solved* solved) {
+  RIGCAL_RETURN_IF_ERROR(CheckOthersStayed(options, parent, solved->result));
+  RIGCAL_ASSIGN_OR_RETURN(RigPoses prior, PosesOf(parent));
+  if (const int fixed = prior.Find(options.reference_camera); fixed >= 0) {
+    HoldFixed(static_cast<size_t>(fixed), &prior);
+    MoveToFrameOf(
+        static_cast<size_t>(fixed),
+        solved->evaluated.solution.built.problem
+            .cameras[static_cast<size_t>(CameraIndex(rig.index, options.reference_camera))]
+            .cam_from_rig,
+        &prior);
+  }
+  RIGCAL_RETURN_IF_ERROR(AddPosePrior(rig, prior, &solved->evaluated));
+  solved->refused = refused;
+  RIGCAL_ASSIGN_OR_RETURN(
+      solved->result, ReportCalibration({rig, solved->evaluated, options, counts}, &solved->refused,
+                                        &solved->courses));
+  return absl::OkStatus();
+}
+
+// With the defaults of its kind: a repair or refinement keeps the parent's intrinsics.
+CalibrationOptions WithDefaults(CalibrationOptions options, const CalibrationInput& input) {
+  options.reference_camera = ReferenceOf(options, input);
+  if (options.kind != SolveKind::kFull && options.intrinsics == Estimate::kDefault) {
+    options.intrinsics = Estimate::kFixed;
+  }
+  // What the parent knows is added to a solve by instants.
+  if (options.kind != SolveKind::kFull) options.trajectory = TrajectoryChoice::kInterpolated;
+  return options;
+}
+
+absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& asked,
                                       const CalibrationHooks& hooks, RefusalCounter* refused) {
+  RIGCAL_RETURN_IF_ERROR(asked.Validate());
+  RIGCAL_RETURN_IF_ERROR(ApplyDerivation(asked, &input));
+  const CalibrationOptions options = WithDefaults(asked, input);
   RIGCAL_RETURN_IF_ERROR(ValidateInput(input, options));
   const auto progress = [&hooks](CalibrationStage stage, double fraction) {
     if (hooks.progress) hooks.progress(stage, fraction);
@@ -315,9 +368,25 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));
   RIGCAL_RETURN_IF_ERROR(CheckMotion(rig));
 
-  const RigSolveOptions solve = SolveOptionsOf(rig, options, hooks, counts);
+  RigSolveOptions solve = SolveOptionsOf(rig, options, hooks, counts);
   absl::StatusOr<Solved> solved = SolveAndReport(rig, clocks, solve, options, counts, *refused);
-  const OddCamera odd = SpoilingCamera(solved, rig, clocks, solve);
+  RIGCAL_ASSIGN_OR_RETURN(const std::shared_ptr<const HeldRig> held,
+                          HeldRigOf(options, input.parent ? &*input.parent : nullptr, rig.index));
+  OddCamera odd;
+  if (held != nullptr) {
+    RIGCAL_RETURN_IF_ERROR(solved.status());
+    RIGCAL_RETURN_IF_ERROR(CheckOthersStayed(options, *input.parent, solved->result));
+    solve = SolveOptionsOf(rig, options, hooks, counts, held);
+    solved = SolveAndReport(rig, clocks, solve, options, counts, *refused);
+  } else if (options.kind == SolveKind::kRefine) {
+    RIGCAL_RETURN_IF_ERROR(solved.status());
+    RIGCAL_RETURN_IF_ERROR(Refine(rig, options, *input.parent, counts, *refused, &*solved));
+    *refused = std::move(solved->refused);
+    if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
+    return std::move(solved->result);
+  } else {
+    odd = SpoilingCamera(solved, rig, clocks, solve);
+  }
   if (odd.kind != FindingKind::kUnspecified) {
     absl::StatusOr<Solved> rest = absl::UnknownError("not solved");
     if (!IsNeeded(odd.camera, options)) {
@@ -337,7 +406,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   if (odd.kind == FindingKind::kUnspecified) {
     std::vector<Finding> chosen;
     RIGCAL_RETURN_IF_ERROR(
-        FollowClocks(clocks, options, hooks, counts, *refused, &rig, &*solved, &chosen));
+        FollowClocks(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
     RIGCAL_RETURN_IF_ERROR(
         ChooseLenses(clocks, options, hooks, counts, *refused, &rig, &*solved, &chosen));
     AddFindings(std::move(chosen), &*solved);

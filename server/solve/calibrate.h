@@ -4,6 +4,7 @@
 #include <atomic>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,7 @@ struct CalibrationInput {
   std::vector<CameraTrack> tracks;  // in any order
   std::vector<Refusal> refused;     // by the agents and by ingest: carried over into the result
   std::map<std::string, Target> other_targets = {};  // by session
+  std::optional<CalibrationResult> parent = {};      // where CalibrationOptions::kind needs one
 };
 
 struct CalibrationHooks {

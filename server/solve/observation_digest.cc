@@ -97,6 +97,11 @@ std::string ObservationDigest(const CalibrationOptions& options, const TargetPar
     const KnownDistance& known = *options.known_distance;
     hasher.Add(known.camera_a, known.camera_b, known.distance_m, known.SigmaM());
   }
+  if (options.kind != SolveKind::kFull) {
+    hasher.Add(options.kind, options.parent_id, options.only_cameras.size());
+    for (const std::string& camera : options.only_cameras) hasher.Add(camera);
+  }
+  for (const std::string& camera : options.fixed_intrinsics) hasher.Add(camera);
   AddTarget(targets.first(), &hasher);
   // Sessions by their place, not their id: the same observations in another session are the same.
   uint64_t session = 0;

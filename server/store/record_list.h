@@ -22,6 +22,12 @@ struct CalibrationFilter {
   std::string session_id = {};  // empty: of any sessions
 };
 
+// A rig, by what there is of it.
+struct RigSummary {
+  std::string name;
+  uint32_t calibration_count = 0;  // whatever their state
+};
+
 enum class RecordOrder : uint8_t { kNewestFirst, kOldestFirst, kIdAscending, kIdDescending };
 
 // Where a record is in every order. Stays valid when the record is deleted.

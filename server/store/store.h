@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "common/calibration/activation.h"
 #include "common/calibration/calibration_record.h"
 #include "common/session/session.h"
 #include "common/session/stream_audit.h"
@@ -109,8 +110,18 @@ class Store {
   // list too, see Calibration::damage; only id, rig, version and state are filled then.
   virtual absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(
       const CalibrationFilter& filter, const ListPage& page) const = 0;
-  // FAILED_PRECONDITION: it is queued or running.
+  // FAILED_PRECONDITION: it is queued or running, or the active one of its rig.
   virtual absl::Status DeleteCalibration(std::string_view id) = 0;
+
+  // --- Rigs ---
+  // Those that have a session or a calibration, by name.
+  virtual absl::StatusOr<std::vector<RigSummary>> ListRigs() const = 0;
+  // Makes a calibration the active one of its rig; fills `number`. ABORTED: another one is active
+  // than `previous_calibration_id` says.
+  virtual absl::StatusOr<Activation> AddActivation(Activation activation) = 0;
+  // Of one rig, newest first, at most `limit`.
+  virtual absl::StatusOr<std::vector<Activation>> ListActivations(std::string_view rig,
+                                                                  int limit) const = 0;
 
   // --- Care ---
   // Gives unused space back to the disk, in small steps between which others write. `progress` gets

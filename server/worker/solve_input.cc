@@ -54,6 +54,10 @@ class InputBuilder {
       RIGCAL_ASSIGN_OR_RETURN(result_.input.other_targets[session_id], wire::FromProto(other));
     }
     RIGCAL_ASSIGN_OR_RETURN(result_.options, wire::FromProto(header.options()));
+    if (!header.parent().empty()) {
+      RIGCAL_ASSIGN_OR_RETURN(Calibration parent, wire::ParseCalibration(header.parent()));
+      result_.input.parent = std::move(parent.result);
+    }
     for (const worker::v1::SolveTrack& proto : header.tracks()) {
       CameraTrack track;
       track.session_id = proto.session_id();
@@ -81,13 +85,15 @@ class InputBuilder {
 absl::Status SolveInputWriter::Begin(const Target& target, const CalibrationOptions& options,
                                      const std::vector<CameraTrack>& tracks,
                                      const std::vector<uint64_t>& row_limits,
-                                     const std::map<std::string, Target>& other_targets) {
+                                     const std::map<std::string, Target>& other_targets,
+                                     const Calibration* parent) {
   worker::v1::SolveHeader* const header = message_.mutable_header();
   *header->mutable_target() = wire::ToProto(target);
   for (const auto& [session_id, other] : other_targets) {
     (*header->mutable_other_targets())[session_id] = wire::ToProto(other);
   }
   *header->mutable_options() = wire::ToProto(options);
+  if (parent != nullptr) header->set_parent(wire::SerializeCalibration(*parent));
   for (size_t t = 0; t < tracks.size(); ++t) {
     worker::v1::SolveTrack* const track = header->add_tracks();
     track->set_session_id(tracks[t].session_id);

@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration_options.h"
+#include "common/calibration/calibration_record.h"
 #include "common/session/observation_batch.h"
 #include "common/status/refusal.h"
 #include "rigcal/worker/v1/solve.pb.h"
@@ -25,11 +26,13 @@ class SolveInputWriter {
   explicit SolveInputWriter(int descriptor) : writer_(descriptor) {}
 
   // `tracks` without rows; `row_limits` by track: upper limits of the rows to follow.
-  // `other_targets`: of the sessions whose target is another one.
+  // `other_targets`: of the sessions whose target is another one. `parent`: see
+  // CalibrationOptions; null for none.
   absl::Status Begin(const Target& target, const CalibrationOptions& options,
                      const std::vector<CameraTrack>& tracks,
                      const std::vector<uint64_t>& row_limits,
-                     const std::map<std::string, Target>& other_targets = {});
+                     const std::map<std::string, Target>& other_targets = {},
+                     const Calibration* parent = nullptr);
   // Rows that nobody refused.
   absl::Status AddRows(size_t track, const ObservationBatch& batch);
   absl::Status End(const std::vector<Refusal>& refused);

@@ -24,6 +24,7 @@
 #include "rigcal/v1/identity_service.pb.h"
 #include "rigcal/v1/ingest_service.pb.h"
 #include "rigcal/v1/maintenance_service.pb.h"
+#include "rigcal/v1/rig_service.pb.h"
 #include "rigcal/v1/session_service.pb.h"
 #include "rigcal/v1/status_service.pb.h"
 #include "tests/fuzz/fuzz_call.h"
@@ -51,7 +52,7 @@ std::vector<const pb::MethodDescriptor*> Methods() {
         v1::GetCalibrationRequest::descriptor()->file(),
         v1::ListAgentsRequest::descriptor()->file(), v1::GetPreviewRequest::descriptor()->file(),
         v1::GetStatusRequest::descriptor()->file(), v1::CompactRequest::descriptor()->file(),
-        v1::CreateTokenRequest::descriptor()->file()}) {
+        v1::CreateTokenRequest::descriptor()->file(), v1::GetRigRequest::descriptor()->file()}) {
     const pb::ServiceDescriptor* service = file->service(0);
     for (int i = 0; i < service->method_count(); ++i) methods.push_back(service->method(i));
   }

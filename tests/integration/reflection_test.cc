@@ -45,8 +45,8 @@ TEST_F(Reflection, EveryListedServiceIsDescribed) {
   EXPECT_THAT(services, IsSupersetOf({"rigcal.v1.AgentService", "rigcal.v1.CalibrationService",
                                       "rigcal.v1.CameraService", "rigcal.v1.IdentityService",
                                       "rigcal.v1.IngestService", "rigcal.v1.MaintenanceService",
-                                      "rigcal.v1.SessionService", "rigcal.v1.StatusService",
-                                      "grpc.health.v1.Health"}));
+                                      "rigcal.v1.RigService", "rigcal.v1.SessionService",
+                                      "rigcal.v1.StatusService", "grpc.health.v1.Health"}));
   for (const std::string& service : services) {
     EXPECT_THAT(Ask("file_containing_symbol: '" + service + "'"),
                 AllOf(HasSubstr("file_descriptor_proto"), Not(HasSubstr("error_response {"))))

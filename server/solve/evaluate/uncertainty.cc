@@ -12,6 +12,7 @@
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/evaluate/attached_point.h"
 #include "server/solve/evaluate/block_scatter.h"
+#include "server/solve/evaluate/held_uncertainty.h"
 #include "server/solve/rig/trajectory_fit.h"
 #include "server/solve/trajectory/trajectory_system.h"
 
@@ -434,6 +435,13 @@ double RigUncertainty::ClockSigma(ReducedParameterKind kind,
   return std::sqrt(std::max(0.0, row.dot(covariance * row)));
 }
 
+void DescribeCameras(const BundleProblem& problem, RigUncertainty* uncertainty) {
+  uncertainty->cameras.clear();
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    uncertainty->cameras.push_back(OfCamera(problem, static_cast<int>(c), *uncertainty));
+  }
+}
+
 std::vector<double> PackCameraCovariance(const BundleProblem& problem, int reference_camera,
                                          const RigUncertainty& uncertainty) {
   const std::vector<Eigen::Index> rows = RowsOf(problem, reference_camera, uncertainty);
@@ -462,9 +470,10 @@ absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
   } else {
     DescribeScale(problem, &result);
   }
-  for (size_t c = 0; c < problem.cameras.size(); ++c) {
-    result.cameras.push_back(OfCamera(problem, static_cast<int>(c), result));
+  if (options.held != nullptr) {
+    RIGCAL_RETURN_IF_ERROR(AddHeldUncertainty(solution, *options.held, &result));
   }
+  DescribeCameras(problem, &result);
   return result;
 }
 

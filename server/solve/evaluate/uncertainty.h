@@ -54,6 +54,9 @@ struct RigUncertainty {
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options);
 
+// Fills `cameras` from the covariances.
+void DescribeCameras(const BundleProblem& problem, RigUncertainty* uncertainty);
+
 // The shape's covariance in the form of CalibrationResult::camera_covariance. Parameters that were
 // held fixed, or that no marker touches, have zeros.
 std::vector<double> PackCameraCovariance(const BundleProblem& problem, int reference_camera,

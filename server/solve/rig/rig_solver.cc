@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/rig/rig_solver.h"
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -15,6 +16,7 @@
 #include "server/solve/initialize/initialization.h"
 #include "server/solve/initialize/shared_views.h"
 #include "server/solve/rig/held_clocks.h"
+#include "server/solve/rig/held_rig.h"
 #include "server/solve/rig/image_motion.h"
 #include "server/solve/rig/intrinsics_prior.h"
 #include "server/solve/rig/labels.h"
@@ -49,6 +51,37 @@ constexpr int kMaxRoughRounds = 4;
 // Radius of the trust region where values begin that an adjustment has left.
 constexpr double kWarmRadius = 1e9;
 
+// From the frame of an initialization into that of held cameras, which are put where they are.
+void MoveToHeld(const HeldRig& held, BundleProblem* problem) {
+  Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
+  for (size_t c = 0; c < problem->cameras.size(); ++c) {
+    if (!held.Holds(c)) continue;
+    turns += (held.cam_from_rig[c]->rotation.conjugate() *
+              problem->cameras[c].cam_from_rig.rotation)
+                 .toRotationMatrix();
+  }
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(turns, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+  const Eigen::Quaterniond turn(Eigen::Matrix3d(
+      svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose()));
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (size_t c = 0; c < problem->cameras.size(); ++c) {
+    if (!held.Holds(c)) continue;
+    shift += held.cam_from_rig[c]->SourceFromTargetTranslation() -
+             turn * problem->cameras[c].cam_from_rig.SourceFromTargetTranslation();
+    ++count;
+  }
+  const RigidTransform held_from_initial(turn, shift / std::max(1, count));
+  for (size_t c = 0; c < problem->cameras.size(); ++c) {
+    RigidTransform& pose = problem->cameras[c].cam_from_rig;
+    pose = held.Holds(c) ? *held.cam_from_rig[c] : pose * held_from_initial.Inverse();
+  }
+  // Their poses are found anew.
+  for (BundleInstant& instant : problem->instants) instant.used = false;
+  PlaceInstants(kAgreePx, problem);
+}
+
 // The steps of SolveRig with what they share.
 class RigSolver {
  public:
@@ -77,6 +110,7 @@ class RigSolver {
     } else {
       RIGCAL_RETURN_IF_ERROR(
           FindInitialization(InitializationOptionsOf(), &problem(), &solution_.spanning_tree));
+      if (options_.held != nullptr) MoveToHeld(*options_.held, &problem());
     }
     // By the rough distances of the initialization.
     bool rough_centres = CorrectCentres() > 0;
@@ -174,12 +208,18 @@ class RigSolver {
 
   void FreeParameters() {
     problem().cameras[static_cast<size_t>(options_.reference_camera)].pose_fixed = true;
+    for (size_t c = 0; options_.held != nullptr && c < problem().cameras.size(); ++c) {
+      if (!options_.held->Holds(c)) continue;
+      problem().cameras[c].pose_fixed = true;
+      problem().cameras[c].cam_from_rig = *options_.held->cam_from_rig[c];
+    }
     problem().target.fixed = !options_.estimate_marker_positions;
     problem().rigid_target.fixed = !options_.estimate_marker_positions;
     problem().distance = options_.known_distance;
     for (size_t c = 0; c < problem().cameras.size(); ++c) {
       const bool is_new = c < options_.new_lens.size() && options_.new_lens[c];
       if (!options_.refine_intrinsics && !is_new) continue;
+      if (c < options_.keep_intrinsics.size() && options_.keep_intrinsics[c]) continue;
       SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c],
                          is_new ? kWideIntrinsicsPrior : IntrinsicsPrior());
     }

@@ -22,6 +22,7 @@
 
 namespace rigcal::server {
 
+struct HeldRig;
 struct TrajectoryFit;
 
 // What is solved: cameras, clocks and their rows.
@@ -52,6 +53,11 @@ struct RigSolveOptions {
   // By camera of the index, or empty: the model of its lens was found by the data, so that nothing
   // but them says its intrinsics, which are refined in any case.
   std::vector<bool> new_lens;
+  // By camera of the index, or empty: its intrinsics are kept while those of others are refined.
+  std::vector<bool> keep_intrinsics;
+  // Cameras whose poses are held where they are known to be (held_rig.h), which gives the rig frame
+  // and the scale; the reference camera is one of them. Null: none but the reference camera.
+  std::shared_ptr<const HeldRig> held;
   bool estimate_marker_positions = false;
   // Between two cameras of the index, in metres: the scale of a target of one marker. None: its
   // unit is the distance from the reference camera to the camera initialized farthest from it.

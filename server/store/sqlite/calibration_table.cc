@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "common/wire/calibration_wire.h"
+#include "server/store/sqlite/activation_table.h"
 #include "server/store/sqlite/record_table.h"
 #include "server/store/sqlite/sqlite_schema.h"
 
@@ -140,12 +141,18 @@ void SummarizeCalibrations(SQLite::Database& database) {
 }
 
 absl::Status EraseCalibration(SQLite::Database& database, std::string_view id) {
-  SQLite::Statement row = Query(database, "SELECT state FROM calibration WHERE id=?", id);
+  SQLite::Statement row = Query(database, "SELECT state, rig FROM calibration WHERE id=?", id);
   if (!row.executeStep()) return NoRecord(kCalibration, id);
   if (!HasEnded(static_cast<CalibrationState>(row.getColumn(0).getInt()))) {
     return absl::FailedPreconditionError(
         absl::StrCat("calibration ", std::string(id),
                      " cannot be deleted: it is queued or running; cancel it first"));
+  }
+  const std::string rig = row.getColumn(1).getString();
+  if (ActiveCalibration(database, rig) == id) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "calibration ", std::string(id), " cannot be deleted: it is the active one of rig '", rig,
+        "'; activate another one first"));
   }
   Query(database, "DELETE FROM calibration WHERE id=?", id).exec();
   return absl::OkStatus();

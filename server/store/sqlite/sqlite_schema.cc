@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "server/store/sqlite/activation_table.h"
 #include "server/store/sqlite/calibration_table.h"
 #include "server/store/sqlite/session_table.h"
 #include "server/store/sqlite/sqlite_connection.h"
@@ -14,6 +15,7 @@ namespace {
 
 constexpr int32_t kApplicationId = 0x52674331;  // "RgC1"
 constexpr int32_t kOldestVersion = 3;           // that can be brought up to date
+constexpr int32_t kVersionWithSummaries = 4;
 
 // Positions and counts are rows of their own, so that reading them scans nothing.
 //
@@ -173,15 +175,20 @@ int32_t ReadPragma(SQLite::Database& database, const char* pragma) {
 void CreateTables(SQLite::Database& database) {
   database.exec(kTables);
   database.exec(kTablesOfVersion4);
+  database.exec(kActivationTable);
   Query(database, "INSERT INTO identity(server_id) VALUES(?)", RandomId()).exec();
   database.exec(absl::StrCat("PRAGMA application_id=", kApplicationId));
   database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
 }
 
-void MigrateFromVersion3(SQLite::Database& database) {
-  database.exec(kTablesOfVersion4);
-  SummarizeSessions(database);
-  SummarizeCalibrations(database);
+// From 3 or 4.
+void Migrate(SQLite::Database& database, int32_t version) {
+  if (version < kVersionWithSummaries) {
+    database.exec(kTablesOfVersion4);
+    SummarizeSessions(database);
+    SummarizeCalibrations(database);
+  }
+  database.exec(kActivationTable);
   database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
 }
 
@@ -218,8 +225,9 @@ absl::Status PrepareSchema(SQLite::Database& database, std::string_view file) {
       database.execAndGet("SELECT count(*) FROM sqlite_schema WHERE type='table'").getInt();
   if (table_count == 0 && application_id == 0 && version == 0) {
     CreateTables(database);
-  } else if (application_id == kApplicationId && version == kOldestVersion) {
-    MigrateFromVersion3(database);
+  } else if (application_id == kApplicationId && version >= kOldestVersion &&
+             version < static_cast<int32_t>(kSchemaVersion)) {
+    Migrate(database, version);
   }
   return CheckSchema(database, file);
 }

@@ -12,9 +12,9 @@
 
 namespace rigcal::server {
 
-inline constexpr uint32_t kSchemaVersion = 4;
+inline constexpr uint32_t kSchemaVersion = 5;
 
-// Creates the tables in an empty database, or brings those of version 3 up to date, inside a
+// Creates the tables in an empty database, or brings those of versions 3 and 4 up to date, inside a
 // transaction of the caller's.
 //   FAILED_PRECONDITION  the database is of another program, or of another version of this one
 //   DATA_LOSS            the identity in it is missing

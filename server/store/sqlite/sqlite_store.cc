@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "server/store/sqlite/activation_table.h"
 #include "server/store/sqlite/calibration_table.h"
 #include "server/store/sqlite/damage_note.h"
 #include "server/store/sqlite/data_directory.h"
@@ -286,6 +287,28 @@ absl::Status SqliteStore::DeleteCalibration(std::string_view id) {
   return EraseOnAnyDisk([&] {
     return writer_->Transact(absl::StrCat("deleting calibration ", std::string(id)),
                              [&] { return EraseCalibration(writer_->database(), id); });
+  });
+}
+
+absl::StatusOr<std::vector<RigSummary>> SqliteStore::ListRigs() const {
+  return reader_->Read("listing rigs",
+                       [](SQLite::Database& database) -> absl::StatusOr<std::vector<RigSummary>> {
+                         return server::ListRigs(database);
+                       });
+}
+
+absl::StatusOr<Activation> SqliteStore::AddActivation(Activation activation) {
+  RIGCAL_RETURN_IF_ERROR(writer_->Transact("storing an activation", [&]() -> absl::Status {
+    RIGCAL_ASSIGN_OR_RETURN(activation, InsertActivation(writer_->database(), activation));
+    return absl::OkStatus();
+  }));
+  return activation;
+}
+
+absl::StatusOr<std::vector<Activation>> SqliteStore::ListActivations(std::string_view rig,
+                                                                     int limit) const {
+  return reader_->Read("reading a rig's history", [&](SQLite::Database& database) {
+    return server::ListActivations(database, rig, limit);
   });
 }
 

@@ -75,6 +75,10 @@ class SqliteStore : public Store {
   absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(
       const CalibrationFilter& filter, const ListPage& page) const override;
   absl::Status DeleteCalibration(std::string_view id) override;
+  absl::StatusOr<std::vector<RigSummary>> ListRigs() const override;
+  absl::StatusOr<Activation> AddActivation(Activation activation) override;
+  absl::StatusOr<std::vector<Activation>> ListActivations(std::string_view rig,
+                                                          int limit) const override;
 
   absl::Status Compact(const std::function<absl::Status(double)>& progress) override;
 

@@ -13,6 +13,7 @@ Experiment Doctor();
 Experiment Flight();
 Experiment Halves();
 Experiment LineDelays();
+Experiment Monitor();
 Experiment Origin();
 Experiment Real();
 Experiment Robustness();

@@ -114,6 +114,11 @@ class FakeStore : public server::Store {
     return None();
   }
   absl::Status DeleteCalibration(std::string_view) override { return None(); }
+  absl::StatusOr<std::vector<server::RigSummary>> ListRigs() const override { return None(); }
+  absl::StatusOr<Activation> AddActivation(Activation) override { return None(); }
+  absl::StatusOr<std::vector<Activation>> ListActivations(std::string_view, int) const override {
+    return None();
+  }
   absl::Status Compact(const std::function<absl::Status(double)>&) override { return None(); }
 
  private:

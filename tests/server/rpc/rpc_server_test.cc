@@ -42,7 +42,7 @@ TEST_F(RpcServer, HealthKnowsEveryService) {
   EXPECT_EQ(Health(""), "SERVING");
   for (const char* service :
        {"IngestService", "AgentService", "CameraService", "IdentityService", "SessionService",
-        "CalibrationService", "MaintenanceService", "StatusService"}) {
+        "CalibrationService", "MaintenanceService", "RigService", "StatusService"}) {
     EXPECT_EQ(Health(std::string("rigcal.v1.") + service), "SERVING") << service;
   }
   EXPECT_THAT(Health("rigcal.v1.Nobody"), HasSubstr("NOT_FOUND"));
@@ -112,7 +112,7 @@ TEST_F(RpcServer, AMethodThatDoesNotExistIsUnimplemented) {
 TEST_F(RpcServer, GarbageInsteadOfAMessageIsAnInvalidArgumentOfEveryMethod) {
   for (const char* service :
        {"AgentService", "CalibrationService", "CameraService", "IdentityService", "IngestService",
-        "MaintenanceService", "SessionService", "StatusService"}) {
+        "MaintenanceService", "RigService", "SessionService", "StatusService"}) {
     const auto* const methods =
         google::protobuf::DescriptorPool::generated_pool()->FindServiceByName(
             std::string("rigcal.v1.") + service);

@@ -118,6 +118,19 @@ class FaultyStore : public server::Store {
     if (absl::Status status = Enter("DeleteCalibration"); !status.ok()) return status;
     return store_.DeleteCalibration(id);
   }
+  absl::StatusOr<std::vector<server::RigSummary>> ListRigs() const override {
+    if (absl::Status status = Enter("ListRigs"); !status.ok()) return status;
+    return store_.ListRigs();
+  }
+  absl::StatusOr<Activation> AddActivation(Activation activation) override {
+    if (absl::Status status = Enter("AddActivation"); !status.ok()) return status;
+    return store_.AddActivation(std::move(activation));
+  }
+  absl::StatusOr<std::vector<Activation>> ListActivations(std::string_view rig,
+                                                          int limit) const override {
+    if (absl::Status status = Enter("ListActivations"); !status.ok()) return status;
+    return store_.ListActivations(rig, limit);
+  }
   absl::Status Compact(const std::function<absl::Status(double)>& progress) override {
     if (absl::Status status = Enter("Compact"); !status.ok()) return status;
     absl::Status status = store_.Compact(progress);

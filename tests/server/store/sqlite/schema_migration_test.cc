@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A database of version 3 is brought up to date without losing anything.
+// A database of version 3 or 4 is brought up to date without losing anything.
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
@@ -26,12 +26,17 @@ using ::testing::HasSubstr;
 class SchemaMigration : public ::rigcal::testing::StoreFixture {
  protected:
   std::filesystem::path File() const { return folder() / "rigcal.db"; }
-  // What version 4 has added is taken away again.
+  // What versions 4 and 5 have added is taken away again.
   void MakeVersion3() {
     SQLite::Database database(File().string(), SQLite::OPEN_READWRITE);
     database.exec(
-        "DROP TABLE session_summary; DROP TABLE calibration_summary; DROP TABLE damaged_batch; "
+        "DROP TABLE activation; DROP TABLE session_summary; DROP TABLE calibration_summary; DROP TABLE damaged_batch; "
         "PRAGMA user_version=3; PRAGMA auto_vacuum=NONE; VACUUM");
+  }
+  // What version 5 has added is taken away again.
+  void MakeVersion4() {
+    SQLite::Database database(File().string(), SQLite::OPEN_READWRITE);
+    database.exec("DROP TABLE activation; PRAGMA user_version=4");
   }
   int Version() {
     SQLite::Database database(File().string(), SQLite::OPEN_READONLY);
@@ -76,6 +81,29 @@ TEST_F(SchemaMigration, KeepsEverythingAndMakesSummaries) {
   EXPECT_EQ(Append(MakeBatch(KeyOf("a"), 1, 25)).stored_rows, 5u);
   EXPECT_THAT(store().Compact([](double) { return absl::OkStatus(); }), IsOk());
   EXPECT_EQ(ReadRows(store()).size(), 35u);
+}
+
+TEST_F(SchemaMigration, Version4GetsActivations) {
+  Calibration calibration;
+  calibration.rig = "rig";
+  calibration.session_ids = {"s-test"};
+  ASSERT_OK_AND_ASSIGN(calibration, store().CreateCalibration(calibration));
+  Close();
+  MakeVersion4();
+  ASSERT_EQ(Version(), 4);
+  EXPECT_THAT(CheckDatabase(File(), [](double) {}),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("up to date")));
+
+  Open();
+  EXPECT_EQ(Version(), static_cast<int>(kSchemaVersion));
+  ASSERT_OK_AND_ASSIGN(const auto calibrations, store().ListCalibrations({}, {.limit = 5}));
+  ASSERT_EQ(calibrations.size(), 1u);
+  EXPECT_EQ(calibrations[0].record.id, calibration.id);
+  ASSERT_OK_AND_ASSIGN(const auto none, store().ListActivations("rig", 5));
+  EXPECT_TRUE(none.empty());
+  ASSERT_THAT(store().AddActivation({.rig = "rig", .calibration_id = calibration.id}), IsOk());
+  ASSERT_OK_AND_ASSIGN(const DatabaseReport report, CheckDatabase(File(), [](double) {}));
+  EXPECT_EQ(report.fault_count, 0u);
 }
 
 TEST_F(SchemaMigration, ADamagedRecordStopsNothing) {

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "client/commands/command_context.h"
+#include "rigcal/v1/calibration_service.pb.h"
+
+namespace rigcal::client {
+
+struct MonitorOptions {
+  std::string rig;
+  std::string session;
+  std::string against;  // empty: the active calibration
+  bool repair = false;  // and activate the result if it is good
+};
+
+// `rigcal monitor`: solves a short session with the intrinsics of the active calibration and says
+// which cameras have moved, and whose clocks have stepped. kOk: all are where they were, or were
+// repaired; kCameraMoved: one has moved, or it cannot be told.
+ExitCode Monitor(const MonitorOptions& options, CommandContext& context);
+
+// Cameras whose clocks have stepped against the others by more than `kClockSigmas`, in words.
+std::vector<std::string> SteppedClocks(const rigcal::v1::CompareCalibrationsResponse& difference);
+
+}  // namespace rigcal::client

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/pose_covariance.h"
+
+#include <algorithm>
+
+#include "common/camera/intrinsics_vector.h"
+
+namespace rigcal::server {
+
+int RigPoses::Find(const std::string& camera) const {
+  const auto found = std::ranges::find(cameras, camera);
+  return found == cameras.end() ? -1 : static_cast<int>(found - cameras.begin());
+}
+
+absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration) {
+  if (!calibration.scale_known) {
+    return absl::FailedPreconditionError("the calibration has no known scale");
+  }
+  RigPoses poses;
+  std::vector<Eigen::Index> rows;  // in the packed covariance, of its first pose row; -1: none
+  Eigen::Index count = 0;
+  for (const CalibratedCamera& camera : calibration.cameras) {
+    poses.cameras.push_back(camera.camera);
+    poses.cam_from_rig.push_back(camera.cam_from_rig);
+    const bool is_reference = camera.camera == calibration.reference_camera;
+    rows.push_back(is_reference ? -1 : count);
+    count += is_reference ? 0 : 6;
+    if (camera.intrinsics_refined) count += ToVector(camera.intrinsics).size();
+  }
+  const std::vector<double>& packed = calibration.camera_covariance;
+  if (packed.size() != static_cast<size_t>(count * (count + 1) / 2) || count == 0) {
+    return absl::FailedPreconditionError(
+        "the calibration keeps no covariance of its cameras: it was made by an older version, or "
+        "its data do not determine every parameter; calibrate its sessions again");
+  }
+  const auto value = [&packed](Eigen::Index i, Eigen::Index j) {
+    const auto [low, high] = std::minmax(i, j);
+    return packed[static_cast<size_t>(high * (high + 1) / 2 + low)];
+  };
+  const auto size = static_cast<Eigen::Index>(6 * rows.size());
+  poses.covariance = Eigen::MatrixXd::Zero(size, size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j < size; ++j) {
+      const Eigen::Index a = rows[static_cast<size_t>(i / 6)], b = rows[static_cast<size_t>(j / 6)];
+      if (a >= 0 && b >= 0) poses.covariance(i, j) = value(a + i % 6, b + j % 6);
+    }
+  }
+  poses.scale_sigma_rel = calibration.target.scale_sigma_rel;
+  return poses;
+}
+
+void HoldFixed(size_t camera, RigPoses* poses) {
+  const auto size = static_cast<Eigen::Index>(6 * poses->cameras.size());
+  const auto own = static_cast<Eigen::Index>(6 * camera);
+  Eigen::MatrixXd change = Eigen::MatrixXd::Identity(size, size);
+  for (size_t c = 0; c < poses->cameras.size(); ++c) {
+    const Eigen::Matrix3d turn =
+        (poses->cam_from_rig[c].rotation * poses->cam_from_rig[camera].rotation.conjugate())
+            .toRotationMatrix();
+    const auto row = static_cast<Eigen::Index>(6 * c);
+    change.block<3, 3>(row, own) -= turn;
+    change.block<3, 3>(row + 3, own + 3) -= turn;
+  }
+  poses->covariance = change * poses->covariance * change.transpose();
+}
+
+void MoveToFrameOf(size_t camera, const RigidTransform& cam_from_rig, RigPoses* poses) {
+  const RigidTransform old_from_new = poses->cam_from_rig[camera].Inverse() * cam_from_rig;
+  const Eigen::Index size = poses->covariance.rows();
+  // t' = R t_old_from_new + t: a turn of the camera moves its translation in the new frame, too.
+  Eigen::MatrixXd change = Eigen::MatrixXd::Identity(size, size);
+  for (size_t c = 0; c < poses->cameras.size(); ++c) {
+    RigidTransform& pose = poses->cam_from_rig[c];
+    const Eigen::Vector3d arm_m = pose.rotation * old_from_new.translation_m;
+    const auto row = static_cast<Eigen::Index>(6 * c);
+    Eigen::Matrix3d cross;
+    cross << 0, -arm_m.z(), arm_m.y(), arm_m.z(), 0, -arm_m.x(), -arm_m.y(), arm_m.x(), 0;
+    change.block<3, 3>(row + 3, row) = -cross;
+    pose = pose * old_from_new;
+  }
+  poses->covariance = change * poses->covariance * change.transpose();
+}
+
+}  // namespace rigcal::server

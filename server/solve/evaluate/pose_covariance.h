@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "common/geometry/rigid_transform.h"
+
+namespace rigcal::server {
+
+// The camera poses of a calibration with their joint covariance. Where intrinsics were refined,
+// their uncertainty is a part of that of the poses.
+struct RigPoses {
+  std::vector<std::string> cameras;          // sorted
+  std::vector<RigidTransform> cam_from_rig;  // metres
+  // Six rows for each camera: rotation vector in the camera frame (applied from the left, radians)
+  // and translation of cam_from_rig (metres), the scale taken as exact. Zero for the camera that
+  // is held fixed.
+  Eigen::MatrixXd covariance;
+  double scale_sigma_rel = 0;
+
+  // -1: it has no such camera.
+  int Find(const std::string& camera) const;
+};
+
+// FAILED_PRECONDITION: the scale is not known, or there is no covariance.
+absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration);
+
+// The covariance with another camera held fixed: each camera's change is reduced by that of the rig
+// frame which the fixed one would otherwise have made.
+void HoldFixed(size_t camera, RigPoses* poses);
+
+// All poses in the rig frame in which this camera has that pose. It stays fixed where it
+// was held fixed.
+void MoveToFrameOf(size_t camera, const RigidTransform& cam_from_rig, RigPoses* poses);
+
+}  // namespace rigcal::server

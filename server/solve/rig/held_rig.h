@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "common/geometry/rigid_transform.h"
+
+namespace rigcal::server {
+
+// Cameras of a rig whose poses are known from an earlier calibration and not estimated.
+struct HeldRig {
+  // By camera of the index; none: it is solved.
+  std::vector<std::optional<RigidTransform>> cam_from_rig;
+  // Of the held poses, six rows for each camera of the index: rotation vector in the camera frame
+  // (applied from the left) and translation of cam_from_rig. Zero for cameras that are solved, and
+  // for the reference camera of the solve.
+  Eigen::MatrixXd covariance;
+  double scale_sigma_rel = 0;  // of all lengths
+
+  bool Holds(size_t camera) const {
+    return camera < cam_from_rig.size() && cam_from_rig[camera].has_value();
+  }
+};
+
+}  // namespace rigcal::server

@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: Apache-2.0
+// The life of a rig with a real server and the command line: a calibration becomes active, a camera
+// is bumped, the monitor names it, it is repaired, and what must not become active does not.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "common/camera/camera_model.h"
+#include "common/simulation/world/simulated_world.h"
+#include "common/wire/camera_wire.h"
+#include "tests/testing/process.h"
+#include "tests/testing/server_client.h"
+#include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::testing::rig_life_test {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr double kBumpRad = 0.4 * M_PI / 180;
+
+constexpr int kRateHz = 15;
+
+// One long wave, of which sessions are parts.
+SimulatedWorld World() {
+  SimulationOptions options;
+  options.camera_count = 4;
+  options.duration_s = 60;
+  options.rate_hz = kRateHz;
+  Target target;
+  target.marker_positions_m = {0, 0.13, 0.39};
+  return *SimulatedWorld::Create(options, target);
+}
+
+class RigLife : public ::testing::Test {
+ protected:
+  struct Recording {
+    std::string id;
+    int from_s = 0, to_s = 20;
+    std::vector<std::string> bumped = {};  // turned by kBumpRad about their centres
+    std::string cropped = {};              // camera with another image size
+    std::string rig = "rig";
+    std::vector<std::string> without = {};
+  };
+
+  static bool Has(const std::vector<std::string>& names, const std::string& name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  }
+
+  void Record(const Recording& recording) {
+    const SimulatedWorld world = World();
+    const int first = kRateHz * recording.from_s, last = kRateHz * recording.to_s;
+    v1::CreateSessionRequest request;
+    request.set_id(recording.id);
+    request.set_rig(recording.rig);
+    *request.mutable_target() = wire::ToProto(world.target());
+    for (const SimulatedCamera& camera : world.cameras()) {
+      CameraDescription description = camera.description;
+      if (Has(recording.without, description.camera)) continue;
+      if (description.camera == recording.cropped) description.image_size_px.height += 8;
+      *request.add_cameras() = wire::ToProto(description);
+    }
+    ASSERT_THAT(client_.CreateSession(request), IsOk());
+    ASSERT_THAT(client_.StartSession(recording.id), IsOk());
+    for (size_t c = 0; c < world.cameras().size(); ++c) {
+      const std::string& name = world.cameras()[c].description.camera;
+      if (Has(recording.without, name)) continue;
+      const int camera = static_cast<int>(c);
+      ObservationBatch batch;
+      batch.stream.session_id = recording.id;
+      batch.stream.camera = name;
+      batch.marker_count = 3;
+      for (int frame = first; frame < last; ++frame) {
+        Observation row = world.Observe(camera, frame);
+        if (Has(recording.bumped, name)) Turn(world.cameras()[c].true_intrinsics, &row);
+        batch.Append(row);
+        if (batch.rows() < 200 && frame + 1 < last) continue;
+        ASSERT_THAT(client_.Upload(batch), IsOk());
+        const uint32_t next = batch.end_seq();
+        batch = batch.Slice(0, 0);
+        batch.first_seq = next;
+      }
+      ASSERT_THAT(client_.UploadEnd(recording.id, name, 1, static_cast<uint32_t>(last - first)),
+                  IsOk());
+    }
+    ASSERT_THAT(client_.WaitUntilFinished(recording.id), IsOk());
+  }
+
+  static void Turn(const Intrinsics& intrinsics, Observation* row) {
+    const Eigen::AngleAxisd turn(kBumpRad, Eigen::Vector3d(1, 1, 0.3).normalized());
+    for (MarkerObservation& marker : row->markers) {
+      if (!marker.visible) continue;
+      const auto ray = Undistort(intrinsics, marker.centre_px);
+      Eigen::Vector2d pixel;
+      if (ray.ok() && Project(intrinsics, turn * ray->homogeneous(), &pixel)) {
+        marker.centre_px = pixel;
+      }
+    }
+  }
+
+  CommandResult Rigcal(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "rigcal");
+    arguments.insert(arguments.end(), {"--server", server_.address()});
+    return RunCommand(arguments);
+  }
+  // The id of a calibration that must succeed; 3 is a bad one.
+  std::string Calibrate(const std::vector<std::string>& arguments) {
+    std::vector<std::string> command = {"calibrate"};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    command.insert(command.end(), {"--wait", "-o", "json"});
+    const CommandResult result = Rigcal(command);
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    return result.exit_code == 0 ? json::parse(result.output)["id"].get<std::string>() : "";
+  }
+  std::string Active() {
+    const CommandResult rig = Rigcal({"rig", "get", "rig", "-o", "json"});
+    EXPECT_EQ(rig.exit_code, 0) << rig.error;
+    return json::parse(rig.output)["active_calibration_id"];
+  }
+  void ExpectRefused(const std::vector<std::string>& arguments, const std::string& why) {
+    const std::string before = Active();
+    const CommandResult result = Rigcal(arguments);
+    EXPECT_EQ(result.exit_code, 1) << result.output << result.error;
+    EXPECT_THAT(result.error, HasSubstr(why));
+    EXPECT_EQ(Active(), before);
+  }
+
+  const TemporaryDirectory directory_;
+  ServerProcess server_{directory_.path()};
+  ServerClient client_{server_.address()};
+};
+
+TEST_F(RigLife, ABumpedCameraIsNamedRepairedAndRolledBack) {
+  Record({.id = "first"});
+  Record({.id = "quiet", .from_s = 20, .to_s = 30});
+  Record({.id = "bumped", .from_s = 30, .to_s = 40, .bumped = {"sim_2"}});
+  const std::string first = Calibrate({"first", "--activate", "--reason", "installed"});
+  EXPECT_EQ(Active(), first);
+
+  const CommandResult quiet = Rigcal({"monitor", "rig", "--session", "quiet"});
+  EXPECT_EQ(quiet.exit_code, 0) << quiet.output << quiet.error;
+  EXPECT_THAT(quiet.output, HasSubstr("no camera has moved"));
+
+  const CommandResult moved = Rigcal({"monitor", "rig", "--session", "bumped"});
+  EXPECT_EQ(moved.exit_code, 7) << moved.output << moved.error;
+  EXPECT_THAT(moved.output, HasSubstr("sim_2 has moved; repair: rigcal calibrate bumped --only"));
+  EXPECT_EQ(Active(), first);
+
+  const CommandResult automatic = Rigcal({"monitor", "rig", "--session", "bumped", "--auto"});
+  EXPECT_EQ(automatic.exit_code, 0) << automatic.output << automatic.error;
+  const std::string repaired = Active();
+  EXPECT_NE(repaired, first);
+  const json calibration =
+      json::parse(Rigcal({"calibration", "get", repaired, "-o", "json"}).output);
+  EXPECT_EQ(calibration["options"]["parent_id"], first);
+  EXPECT_EQ(calibration["options"]["only_cameras"], json({"sim_2"}));
+  EXPECT_THAT(calibration["held"].dump(), HasSubstr("pose of sim_0"));
+  EXPECT_THAT(calibration["held"].dump(), Not(HasSubstr("pose of sim_2")));
+
+  const json difference =
+      json::parse(Rigcal({"calibration", "diff", first, repaired, "-o", "json"}).output);
+  EXPECT_EQ(difference["frame_cameras"], json({"sim_0", "sim_1", "sim_3"}));
+  for (const json& camera : difference["cameras"]) {
+    if (camera["camera"] == "sim_2") {
+      EXPECT_EQ(camera["verdict"], "VERDICT_MOVED");
+      EXPECT_NEAR(camera["rotation_rad"].get<double>(), kBumpRad,
+                  6 * camera["rotation_sigma_rad"].get<double>());
+      EXPECT_LT(camera["translation_m"].get<double>(),
+                6 * camera["translation_sigma_m"].get<double>());
+    } else {
+      EXPECT_EQ(camera["verdict"], "VERDICT_SAME");
+      EXPECT_LT(camera["translation_m"].get<double>(), 1e-9);
+    }
+  }
+
+  EXPECT_EQ(Rigcal({"rig", "rollback", "rig", "--reason", "put back"}).exit_code, 0);
+  EXPECT_EQ(Active(), first);
+  ExpectRefused({"rig", "rollback", "rig"}, "no calibration was active before");
+  const json history = json::parse(Rigcal({"rig", "history", "rig", "-o", "json"}).output);
+  ASSERT_EQ(history["activations"].size(), 3u);
+  EXPECT_EQ(history["activations"][0]["reason"], "put back");
+  EXPECT_TRUE(history["activations"][0]["rollback"]);
+  EXPECT_EQ(history["activations"][2]["reason"], "installed");
+}
+
+TEST_F(RigLife, WhatMustNotBecomeActiveDoesNot) {
+  Record({.id = "first"});
+  Record({.id = "fewer", .to_s = 12, .without = {"sim_3"}});
+  Record({.id = "other", .to_s = 12, .rig = "other"});
+  Record({.id = "two", .from_s = 30, .to_s = 40, .bumped = {"sim_1", "sim_2"}});
+  Record({.id = "cropped", .from_s = 40, .to_s = 50, .cropped = "sim_2"});
+  const std::string first = Calibrate({"first", "--activate"});
+  ASSERT_EQ(Active(), first);
+
+  // A calibration of other cameras, unless it is forced.
+  const std::string fewer = Calibrate({"fewer"});
+  ExpectRefused({"rig", "activate", fewer}, "without sim_3");
+  ASSERT_EQ(Rigcal({"rig", "activate", fewer, "--force"}).exit_code, 0);
+  ExpectRefused({"rig", "rollback", "rig"}, "with sim_3");
+  ASSERT_EQ(Rigcal({"rig", "rollback", "rig", "--force"}).exit_code, 0);
+  ASSERT_EQ(Active(), first);
+  ExpectRefused({"calibration", "delete", first}, "it is the active one");
+
+  // A what-if, by its options.
+  const std::string what_if = Calibrate({"first", "--without", "sim_3", "--from", "2s", "--to",
+                                         "18s", "--assume", "wand=0,0.1301,0.39"});
+  ExpectRefused({"rig", "activate", what_if}, "it is a what-if");
+  const CommandResult shown =
+      Rigcal({"calibrate", "first", "--assume", "wand=0,0.1313,0.3939", "--wait"});
+  EXPECT_THAT(shown.output, HasSubstr("against " + first));
+
+  // A repair where another camera moved too, or with another image size.
+  ExpectRefused({"calibrate", "two", "--only", "sim_2", "--activate"},
+                "others have moved against calibration " + first + ", too: sim_1 by ");
+  ExpectRefused({"calibrate", "cropped", "--only", "sim_1", "--activate"},
+                "camera sim_2: its intrinsics in calibration " + first + " are for images of ");
+  ExpectRefused({"calibrate", "cropped", "--prior", first, "--wait"},
+                "camera sim_2: its intrinsics");
+  ExpectRefused({"calibrate", "other", "--only", "sim_1", "--parent", first, "--wait"},
+                "it is of rig 'rig'");
+  ExpectRefused({"calibrate", "other", "--only", "sim_1", "--wait"}, "has no active calibration");
+  ExpectRefused({"calibrate", "fewer", "--only", "sim_1", "--wait"}, "sim_3 of calibration");
+  ExpectRefused({"calibrate", "first", "--only", "sim_9", "--wait"}, "'sim_9' is in none");
+  ExpectRefused({"rig", "activate", "c-000404"}, "c-000404");
+  ExpectRefused({"rig", "get", "nobody"}, "no rig 'nobody'");
+}
+
+TEST_F(RigLife, PruneKeepsWhatACalibrationUsed) {
+  Record({.id = "used", .to_s = 12});
+  Record({.id = "unused", .from_s = 20, .to_s = 24});
+  Calibrate({"used"});
+  EXPECT_EQ(Rigcal({"session", "prune"}).exit_code, 2);
+  const auto prune = [&](std::vector<std::string> more) {
+    std::vector<std::string> command = {"session", "prune", "--max-size", "1", "-o", "json"};
+    command.insert(command.end(), more.begin(), more.end());
+    const CommandResult result = Rigcal(command);
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    return json::parse(result.output);
+  };
+  // Both are recent.
+  EXPECT_EQ(json::parse(
+                Rigcal({"session", "prune", "--older-than", "1", "-o", "json"}).output)["sessions"]
+                .size(),
+            0u);
+  const json old = json::parse(
+      Rigcal({"session", "prune", "--older-than", "0.0001", "--dry-run", "-o", "json"}).output);
+  EXPECT_LE(old["sessions"].size(), 2u);
+  ASSERT_TRUE(WaitFor([&] {
+    return json::parse(
+               Rigcal({"session", "prune", "--older-than", "0.0001", "--dry-run", "-o", "json"})
+                   .output)["sessions"]
+               .size() == 2;
+  }));
+  const CommandResult pruned = Rigcal({"session", "prune", "--older-than", "0.0001", "-o", "json"});
+  ASSERT_EQ(pruned.exit_code, 0) << pruned.error;
+  const json sessions = json::parse(pruned.output)["sessions"];
+  ASSERT_EQ(sessions.size(), 2u);
+  EXPECT_EQ(sessions[0]["id"], "used");
+  EXPECT_EQ(sessions[0]["kept"], "a calibration was made from it");
+  EXPECT_EQ(sessions[1]["kept"], "");
+  const CommandResult again = Rigcal({"calibrate", "unused", "--wait"});
+  EXPECT_THAT(again.error, HasSubstr("were deleted"));
+  // Told so, the rest goes, too.
+  EXPECT_EQ(prune({"--include-calibrated", "--older-than", "0.0001"})["sessions"].size(), 1u);
+  EXPECT_THAT(Rigcal({"calibrate", "used", "--wait"}).error, HasSubstr("were deleted"));
+}
+
+}  // namespace
+}  // namespace rigcal::testing::rig_life_test

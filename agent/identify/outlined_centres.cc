@@ -23,7 +23,7 @@ constexpr double kWhiteGain = 4;  // half a chi-squared
 
 using FittedOutlines = absl::InlinedVector<std::optional<SphereOutline>, 3>;
 
-double Squared(double x) { return x * x; }
+double ToSquare(double x) { return x * x; }
 
 // Another marker of the wand is so near that blur joins them.
 bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
@@ -37,7 +37,7 @@ bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
   return false;
 }
 
-double ScatterOf(const SphereOutline& outline) { return std::max(1.0, Squared(outline.residual)); }
+double ScatterOf(const SphereOutline& outline) { return std::max(1.0, ToSquare(outline.residual)); }
 
 // One sigma of the relative slopes of the light on the wand's spheres.
 double SlopeSigma(const FittedOutlines& fitted) {

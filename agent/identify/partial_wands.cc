@@ -19,7 +19,7 @@ constexpr double kWholePlacePx = 0.3, kWholePlaceShare = 0.03;
 constexpr double kWholeRadiusPx = 0.35, kWholeRadiusShare = 0.08;
 constexpr double kMaxPartialCost = 14;
 // Of two whole markers.
-constexpr size_t kMaxPairs = 30;
+constexpr size_t kMaxAlikePairs = 30;
 constexpr double kPairBrightness = 0.3, kPairColour = 0.12, kMaxPairCost = 12;
 constexpr double kMaxSizeCost = 9;
 constexpr double kCommonRadiusPx = 0.8;  // of both, by blur and the mask's limit
@@ -28,7 +28,7 @@ constexpr int kSteps = 48;               // of the ratio of their depths
 // Of a pixel that looks like them.
 constexpr float kDarkest = 0.6f, kBrightest = 1.5f, kColour = 0.13f;
 constexpr double kGapPx = 1.2, kGapRadii = 0.08, kLeastRingPx = 2, kRingRadii = 0.3;
-constexpr double kFullRadiusPx = 5;    // larger ones are read more coarsely
+constexpr double kFinePartPx = 5;      // larger ones are read more coarsely
 constexpr double kWorkOfPixel = 0.25;  // against one that is measured
 // Of a part, against the whole marker.
 constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
@@ -36,7 +36,7 @@ constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, k
 constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 3;
 constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
 
-double Squared(double x) { return x * x; }
+double SquareOf(double x) { return x * x; }
 
 double RadiusOf(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::pi); }
 
@@ -64,8 +64,8 @@ std::vector<Pair> AlikePairs(absl::Span<const WholeMarker> wholes) {
       if ((a.blob.centre_px - b.blob.centre_px).norm() < ri + rj) continue;
       const float ga = std::max(1.0f, a.core.norm()), gb = std::max(1.0f, b.core.norm());
       const double cost =
-          Squared(static_cast<double>(std::log(ga / gb)) / kPairBrightness) +
-          static_cast<double>((a.core / ga - b.core / gb).squaredNorm()) / Squared(kPairColour) +
+          SquareOf(static_cast<double>(std::log(ga / gb)) / kPairBrightness) +
+          static_cast<double>((a.core / ga - b.core / gb).squaredNorm()) / SquareOf(kPairColour) +
           a.doubt + b.doubt;
       if (cost <= kMaxPairCost) pairs.push_back({cost, i, j});
     }
@@ -73,7 +73,7 @@ std::vector<Pair> AlikePairs(absl::Span<const WholeMarker> wholes) {
   std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
     return std::tie(a.cost, a.first, a.last) < std::tie(b.cost, b.first, b.last);
   });
-  if (pairs.size() > kMaxPairs) pairs.resize(kMaxPairs);
+  if (pairs.size() > kMaxAlikePairs) pairs.resize(kMaxAlikePairs);
   return pairs;
 }
 
@@ -103,7 +103,7 @@ std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre
                            double radius_px, const Eigen::Vector3f& core, double* work) {
   const double from = radius_px + kGapPx + kGapRadii * radius_px;
   const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
-  const int step = std::clamp(static_cast<int>(radius_px / kFullRadiusPx), 1, 4);
+  const int step = std::clamp(static_cast<int>(radius_px / kFinePartPx), 1, 4);
   const auto low = [&](double at) { return std::max(0, static_cast<int>(std::ceil(at - to))); };
   const auto high = [&](double at, int size) {
     return std::min(size - 1, static_cast<int>(std::floor(at + to)));
@@ -130,7 +130,7 @@ std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre
   ComponentSums sums;
   for (int y = low(centre_px.y()); y <= high(centre_px.y(), image.height); y += step) {
     for (int x = low(centre_px.x()); x <= high(centre_px.x(), image.width); x += step) {
-      const double squared = Squared(x - centre_px.x()) + Squared(y - centre_px.y());
+      const double squared = SquareOf(x - centre_px.x()) + SquareOf(y - centre_px.y());
       const bool inside = squared <= radius_px * radius_px;
       if (!inside && (squared < from * from || squared > to * to)) continue;
       (inside ? disc : ring) += 1;
@@ -162,7 +162,7 @@ std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre
       part.around > kMostAround) {
     return std::nullopt;
   }
-  part.cost = Squared(part.around / kAroundSigma) +
+  part.cost = SquareOf(part.around / kAroundSigma) +
               kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
   part.blob = ToBlob(sums, image);
   return part;
@@ -288,13 +288,13 @@ class PartSearch {
         return sight.radius_px - 0.5 * options.diameter_m * sight.scale_px / distance_m;
       };
       const double of_a = excess_px(a, first_m), of_b = excess_px(b, second_m);
-      const double variance = Squared(a.radius_sigma_px);
-      return Squared(0.5 * (of_a + of_b)) / (Squared(kCommonRadiusPx) + 0.5 * variance) +
-             Squared(of_a - of_b) / (2 * variance);
+      const double variance = SquareOf(a.radius_sigma_px);
+      return SquareOf(0.5 * (of_a + of_b)) / (SquareOf(kCommonRadiusPx) + 0.5 * variance) +
+             SquareOf(of_a - of_b) / (2 * variance);
     }
     const double difference_px =
         a.radius_px - b.radius_px * second_m / first_m * a.scale_px / b.scale_px;
-    return Squared(difference_px / (1.5 * a.radius_sigma_px));
+    return SquareOf(difference_px / (1.5 * a.radius_sigma_px));
   }
 
   absl::Span<const Blob> known_parts_;

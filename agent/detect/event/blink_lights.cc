@@ -23,8 +23,12 @@ double BlinkLight::AnswerUs() const {
 }
 
 double BlinkLight::LastOn(double time_us) const {
-  const double over_us = lit_us + AnswerUs() + MarginUs();
-  return on_us + std::floor((SinceUs(on_us, time_us) - over_us) / period_us) * period_us;
+  const double since_us = SinceUs(on_us, time_us) - lit_us - AnswerUs();
+  const double last = std::floor((since_us - MarginUs()) / period_us);
+  // The burst behind the last one seen, if only just over: else none would be new where bursts are
+  // asked for as often as there are any.
+  const bool next_is_over = last == 0 && since_us >= period_us;
+  return on_us + (next_is_over ? 1 : last) * period_us;
 }
 
 size_t BlinkLights::IndexOf(int frequency, double on_us) const {

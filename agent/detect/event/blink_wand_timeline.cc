@@ -17,7 +17,7 @@ constexpr int64_t kLeastForgets = 16;
 constexpr int64_t kSweepPeriods = 2;
 // What is recorded of a light that is not known, and until one that was not found so is looked for
 // again.
-constexpr double kDeferPeriods = 2.4, kRetryPeriods = 100;
+constexpr double kLearnPeriods = 2.4, kRetryPeriods = 100;
 // Outputs that follow each other faster ask for bursts before they can be recorded alone.
 constexpr double kLeastApartPeriods = 2.5;
 // Whatever is older is of no detection that is still to come.
@@ -69,7 +69,6 @@ void BlinkWandTimeline::Finish(int64_t time_us, std::vector<Detection>* found) {
   if (begun_) {
     AdvanceTo(time_us);
     Run(reached_us_ + static_cast<int64_t>(kWaitPeriods * period_us_));
-    DetectDeferred();
   }
   detections_.Finish(found);
 }
@@ -87,7 +86,6 @@ uint32_t BlinkWandTimeline::TakeTrigger(const TriggerEvent& trigger) {
 }
 
 uint32_t BlinkWandTimeline::StepBack(int64_t time_us) {
-  DetectDeferred();
   detections_.StepBack(found_);
   Forget(time_us);
   Begin(time_us);
@@ -97,7 +95,7 @@ uint32_t BlinkWandTimeline::StepBack(int64_t time_us) {
 void BlinkWandTimeline::Forget(int64_t time_us) {
   lights_.Clear();
   recorder_.Clear();
-  defer_from_us_ = time_us;
+  learn_until_us_ = learn_from_us_ = time_us;
   if (is_clear_) return;
   must_forget_ = forgets_left_ == 0;
   if (must_forget_) return;
@@ -111,7 +109,6 @@ void BlinkWandTimeline::AdvanceTo(int64_t time_us) {
   if (time_us - reached_us_ > silence_us_) {
     // What was due before is still detected; the rest is skipped without a look at every pixel.
     Run(reached_us_ + static_cast<int64_t>(2 * BlinkDetections::kHoldPeriods * period_us_));
-    DetectDeferred();
     schedule_.Skip(reached_us_, time_us);
     Forget(time_us);
     next_sweep_us_ = time_us + sweep_us_;
@@ -128,7 +125,7 @@ void BlinkWandTimeline::Run(int64_t time_us) {
     } else if (due_us == next_sweep_us_) {
       if (!must_forget_ && !is_clear_) filter_.Sweep(static_cast<uint32_t>(next_sweep_us_));
       next_sweep_us_ += sweep_us_;
-      if (records_every_burst_ && !deferred_) PlanRecording(due_us);
+      if (records_every_burst_) PlanRecording(due_us);
     } else {
       DetectNext();
     }
@@ -136,43 +133,33 @@ void BlinkWandTimeline::Run(int64_t time_us) {
 }
 
 void BlinkWandTimeline::DetectNext() {
-  if (deferred_) return DetectDeferred();
   const OutputTime asked = schedule_.Pop();
   if (!asked.trigger && detections_left_ <= 0) {
     ++counts_.beyond_data;
     return;
   }
-  // A detection that was put off has gone beyond it.
-  Detect(asked, std::max(asked.due_us, defer_until_us_));
+  Detect(asked);
   --detections_left_;
 }
 
-void BlinkWandTimeline::DetectDeferred() {
-  if (!deferred_) return;
-  const OutputTime asked = *std::exchange(deferred_, std::nullopt);
-  Detect(asked, asked.due_us);
-}
-
-void BlinkWandTimeline::Detect(const OutputTime& asked, int64_t now_us) {
+void BlinkWandTimeline::Detect(const OutputTime& asked) {
   blobs_.clear();
-  const auto now = static_cast<uint32_t>(now_us);
-  if (!must_forget_) blobs_ = filter_.FindBlobs(now);
-  flashes_.Measure(recorder_, now, &lights_, &blobs_);
-  lights_.Forget(now);
+  const auto due = static_cast<uint32_t>(asked.due_us);
+  if (!must_forget_) blobs_ = filter_.FindBlobs(due);
+  if (asked.due_us >= learn_until_us_) flashes_.Measure(recorder_, due, &lights_, &blobs_);
+  lights_.Forget(due);
   BlinkWand wand = verifier_.Verify(blobs_);
-  if (wand.outcome == DetectionOutcome::kWand && !wand.is_timed && now_us >= defer_from_us_) {
-    defer_until_us_ = now_us + static_cast<int64_t>(kDeferPeriods * period_us_);
-    defer_from_us_ = now_us + static_cast<int64_t>(kRetryPeriods * period_us_);
-    recorder_.PlanAll(now_us, defer_until_us_);
-    deferred_ = asked;
-    deferred_->due_us = defer_until_us_;
-    return;
+  if (wand.outcome == DetectionOutcome::kWand && !wand.is_timed && asked.due_us >= learn_from_us_) {
+    learn_until_us_ = asked.due_us + static_cast<int64_t>(kLearnPeriods * period_us_);
+    learn_from_us_ = asked.due_us + static_cast<int64_t>(kRetryPeriods * period_us_);
+    recorder_.PlanAll(asked.due_us, learn_until_us_);
   }
   detections_.Take(asked, std::move(wand), found_);
-  PlanRecording(now_us);
+  PlanRecording(asked.due_us);
 }
 
 void BlinkWandTimeline::PlanRecording(int64_t now_us) {
+  if (now_us < learn_until_us_) return;
   const int64_t due_us = records_every_burst_ ? next_sweep_us_ + sweep_us_ : schedule_.due_us();
   recorder_.Plan(lights_.all(), now_us, std::max(now_us, due_us), records_every_burst_,
                  static_cast<int64_t>(kKeepPeriods * period_us_));

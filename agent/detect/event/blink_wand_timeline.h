@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -14,8 +13,8 @@ namespace rigcal::agent {
 
 // Drives BlinkWandDetector by the sensor's clock: detects the wand when OutputSchedule says so,
 // sweeps the filter, and clears it when the clock jumps. Of a wand whose light is not known yet
-// (BlinkLights) everything is recorded for two periods, and the detection put off until then. One
-// thread at a time.
+// (BlinkLights) everything is recorded for two periods; until then its centres are those of the
+// pixels that lit up. One thread at a time.
 class BlinkWandTimeline {
  public:
   // `marker_period_us`: by marker.
@@ -60,12 +59,10 @@ class BlinkWandTimeline {
   void Run(int64_t time_us);
   // Of whatever is to be done next.
   int64_t NextDue() const {
-    const int64_t detect_us = deferred_ ? deferred_->due_us : schedule_.due_us();
-    return std::min({next_sweep_us_, detect_us, recorder_.next_begin_us()});
+    return std::min({next_sweep_us_, schedule_.due_us(), recorder_.next_begin_us()});
   }
   void DetectNext();
-  void Detect(const OutputTime& asked, int64_t now_us);
-  void DetectDeferred();
+  void Detect(const OutputTime& asked);
   void PlanRecording(int64_t now_us);
 
   BlinkFilter filter_;
@@ -82,9 +79,9 @@ class BlinkWandTimeline {
   std::vector<BlinkBlob> blobs_;
   const bool records_every_burst_;  // when detections are asked for is not known in advance
 
-  std::optional<OutputTime> deferred_;  // put off
-  int64_t defer_until_us_ = 0;
-  int64_t defer_from_us_ = 0;  // a light that was not found is looked for again then
+  int64_t learn_until_us_ = 0;  // everything is recorded until then
+  int64_t learn_from_us_ = 0;   // a light that was not found is looked for again then
+
   bool begun_ = false;
   int64_t reached_us_ = 0;
   int64_t next_sweep_us_ = 0;

@@ -17,6 +17,8 @@ constexpr double kRimPx = 0.27;
 constexpr double kFloorPx = 0.042;
 // Of the way from the answer to the rise to that to the fall: their mean may be so far off.
 constexpr double kMeanShare = 0.2;
+// Of a centre without them: it lies ahead of the light's, and its time is not quite the light's.
+constexpr double kUntimedPx = 0.3;
 // By which a centre may be further from where a candidate has it: lenses are not known that well.
 constexpr double kFitSlack = 1.7;
 constexpr double kRadiusPx = 0.4, kRadiusShare = 0.06;
@@ -95,10 +97,12 @@ MarkerObservation BlinkWandVerifier::Observe(const Evaluated& wand, size_t k) co
   if (blob.touches_border) return marker;
   marker.visible = true;
   marker.centre_px = blob.centre_px;
-  const Eigen::Vector2d off_px =
-      kMeanShare * rise_to_fall_px_[static_cast<size_t>(wand.candidate->blobs[k])];
+  const auto index = static_cast<size_t>(wand.candidate->blobs[k]);
+  const Eigen::Vector2d off_px = kMeanShare * rise_to_fall_px_[index];
+  const double untimed_px = is_timed_[index] ? 0 : kUntimedPx;
   marker.covariance_px2 =
-      CentreVariance(blob) * Eigen::Matrix2d::Identity() + off_px * off_px.transpose();
+      (CentreVariance(blob) + untimed_px * untimed_px) * Eigen::Matrix2d::Identity() +
+      off_px * off_px.transpose();
   finder_.ToSphereCentre(wand.fit, k, &marker);
   return marker;
 }

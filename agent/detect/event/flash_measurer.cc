@@ -154,6 +154,7 @@ void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, BlinkL
     } else if (recorder.all_from_us() != recorder.all_until_us()) {
       light = FindLight(blob, answers_[i], due_us, since_due(recorder.all_from_us()),
                         since_due(recorder.all_until_us()));
+      if (light) lights->Take(*light);
     }
     if (!light) continue;
     blob.time_us = blob.burst_us + 0.5 * light->lit_us;

@@ -30,8 +30,8 @@ class FlashMeasurer {
       : geometry_(geometry), min_pixels_(min_pixels) {}
 
   // Gives the blobs the centre, area and time of the last burst of their light that is over at
-  // `due_us`, as far as it was recorded. Lights that are not in `lights` yet are found where
-  // everything was recorded for two periods; times of those that are there are renewed.
+  // `due_us`, where it was recorded. Lights that are not in `lights` yet are found where everything
+  // was recorded for two periods; times of those that are there are renewed.
   void Measure(const FlashRecorder& recorder, double due_us, BlinkLights* lights,
                std::vector<BlinkBlob>* blobs);
 

@@ -117,8 +117,9 @@ absl::StatusOr<MarkerRows> ReadMarkerRows(const std::string& folder,
   if (result.cameras.size() < 2) {
     return absl::InvalidArgumentError(absl::StrCat(
         folder, " has rows of ", result.cameras.empty() ? "none" : result.cameras[0].camera,
-        " of the calibration's cameras (", absl::StrJoin(cameras, ", "),
-        "), and a point needs two. A file is named after its camera; of images, video and events "
+        " of the calibration's cameras (", absl::StrJoin(cameras, ", "), ")",
+        others.empty() ? "" : absl::StrCat(" and of others (", absl::StrJoin(others, ", "), ")"),
+        ", and a point needs two. A file is named after its camera; of images, video and events "
         "rigcal-agent detect makes such rows"));
   }
   return result;

@@ -59,11 +59,15 @@ std::string ToJson(const ScaleReport& report) {
 
 std::string DisagreementOf(const ScaleFusion& fusion) {
   if (fusion.undecided) {
-    return absl::StrCat("two sources of the scale disagree by ",
-                        PercentOf(std::abs(fusion.residuals[0].from_others_rel), 2), " % (",
-                        FormatFixed(std::abs(fusion.residuals[0].from_others_sigmas), 1),
-                        " sigmas), and nothing says which of them is wrong: measure a third, or "
-                        "leave one out; nothing was written");
+    const ScaleResidual& a = fusion.residuals[static_cast<size_t>(fusion.suspects[0])];
+    const ScaleResidual& b = fusion.residuals[static_cast<size_t>(fusion.suspects[1])];
+    return absl::StrCat("\"", a.name, "\" and \"", b.name, "\" disagree: the one is ",
+                        PercentOf(a.from_others_rel, 2), " % from what the rest says (",
+                        FormatFixed(std::abs(a.from_others_sigmas), 1), " sigmas), the other ",
+                        PercentOf(b.from_others_rel, 2), " % (",
+                        FormatFixed(std::abs(b.from_others_sigmas), 1),
+                        " sigmas), and nothing says which of them is wrong: measure both again, or "
+                        "a third, or leave one out; nothing was written");
   }
   if (fusion.odd < 0) return "";
   const ScaleResidual& odd = fusion.residuals[static_cast<size_t>(fusion.odd)];

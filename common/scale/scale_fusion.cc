@@ -4,6 +4,8 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numeric>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -57,6 +59,25 @@ Eigen::MatrixXd RatioCovariance(const std::vector<ScaleSource>& sources,
   return result;
 }
 
+// The square of a source's distance in sigmas is what the sum of squares loses without it.
+void FindOdd(ScaleFusion* fusion) {
+  std::vector<int> order(fusion->residuals.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto sigmas = [fusion](int i) {
+    return std::abs(fusion->residuals[static_cast<size_t>(i)].from_others_sigmas);
+  };
+  std::ranges::stable_sort(order, std::greater<>(), sigmas);
+  if (order.size() < 2 || sigmas(order[0]) <= kOddSourceSigmas) return;
+  const double ahead = sigmas(order[0]) * sigmas(order[0]) - sigmas(order[1]) * sigmas(order[1]);
+  fusion->undecided = order.size() == 2 || ahead < kDecidedChiSquare;
+  if (fusion->undecided) {
+    fusion->suspects[0] = std::min(order[0], order[1]);
+    fusion->suspects[1] = std::max(order[0], order[1]);
+  } else {
+    fusion->odd = order[0];
+  }
+}
+
 }  // namespace
 
 ScaleFusion FuseScales(const std::vector<ScaleSource>& sources,
@@ -78,7 +99,6 @@ ScaleFusion FuseScales(const std::vector<ScaleSource>& sources,
   fusion.sigma_rel = std::sqrt(1 / information);
   // A source's distance from the others is the parameter b of the model change = mean + b e_i.
   const Eigen::VectorXd pull = weight * (change - mean * ones);
-  double most = kOddSourceSigmas;
   for (Eigen::Index i = 0; i < count; ++i) {
     ScaleResidual residual;
     residual.name = sources[static_cast<size_t>(i)].name;
@@ -89,17 +109,9 @@ ScaleFusion FuseScales(const std::vector<ScaleSource>& sources,
       residual.from_others_rel = pull[i] / own;
       residual.from_others_sigmas = pull[i] / std::sqrt(own);
     }
-    if (std::abs(residual.from_others_sigmas) > most) {
-      most = std::abs(residual.from_others_sigmas);
-      fusion.odd = static_cast<int>(i);
-    }
     fusion.residuals.push_back(std::move(residual));
   }
-  // Each of two is as far from the other.
-  if (count == 2 && fusion.odd >= 0) {
-    fusion.odd = -1;
-    fusion.undecided = true;
-  }
+  FindOdd(&fusion);
   return fusion;
 }
 

@@ -37,11 +37,16 @@ struct ScaleFusion {
   double sigma_rel = 0;                  // one sigma of it
   std::vector<ScaleResidual> residuals;  // by source
   int odd = -1;                          // the source that disagrees; -1: none
-  bool undecided = false;  // two sources disagree, and nothing says which of them is wrong
+  // Two sources disagree, and the others do not say which of them is wrong: these.
+  bool undecided = false;
+  int suspects[2] = {-1, -1};
 };
 
 // A source is odd beyond so many sigmas from the others: by chance once in 2 000.
 inline constexpr double kOddSourceSigmas = 3.5;
+// Two sources are told apart where leaving out the one makes the rest fit so much better than
+// leaving out the other: a difference of chi-square, three sigmas.
+inline constexpr double kDecidedChiSquare = 9;
 
 // Generalised least squares of the logarithms of all ratios given / measured. Lengths of one
 // calibration share the errors of its shape: `covariance` says how much. At least one source, all

@@ -48,6 +48,16 @@ TEST(FuseScales, OfTwoThatDisagreeNothingSaysWhich) {
   EXPECT_TRUE(fusion.undecided);
 }
 
+// A third that is known a hundred times worse does not decide.
+TEST(FuseScales, AWeakSourceDoesNotDecideBetweenTwo) {
+  const ScaleFusion fusion =
+      FuseScales({Source("wand", 0, 0.02), Source("a", 0.01, 0.0002), Source("b", 0, 0.0002)}, {});
+  EXPECT_EQ(fusion.odd, -1);
+  EXPECT_TRUE(fusion.undecided);
+  EXPECT_EQ(fusion.suspects[0], 1);
+  EXPECT_EQ(fusion.suspects[1], 2);
+}
+
 // Two lengths that the same error of the shape makes longer are one source, not two.
 TEST(FuseScales, LengthsShareTheErrorsOfTheShape) {
   CameraCovariance covariance;

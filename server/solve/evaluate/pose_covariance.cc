@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/evaluate/pose_covariance.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 
 #include "common/camera/intrinsics_vector.h"
@@ -12,20 +13,26 @@ int RigPoses::Find(const std::string& camera) const {
   return found == cameras.end() ? -1 : static_cast<int>(found - cameras.begin());
 }
 
-absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration) {
+absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration,
+                                 const std::vector<std::string>& given) {
   if (!calibration.scale_known) {
     return absl::FailedPreconditionError("the calibration has no known scale");
   }
   RigPoses poses;
-  std::vector<Eigen::Index> rows;  // in the packed covariance, of its first pose row; -1: none
+  poses.scale_sigma_rel = calibration.target.scale_sigma_rel;
+  std::vector<Eigen::Index> rows;    // in the packed covariance, of each pose row; -1: none
+  std::vector<Eigen::Index> lenses;  // likewise, of the intrinsics that are exact
   Eigen::Index count = 0;
   for (const CalibratedCamera& camera : calibration.cameras) {
     poses.cameras.push_back(camera.camera);
     poses.cam_from_rig.push_back(camera.cam_from_rig);
     const bool is_reference = camera.camera == calibration.reference_camera;
-    rows.push_back(is_reference ? -1 : count);
-    count += is_reference ? 0 : 6;
-    if (camera.intrinsics_refined) count += ToVector(camera.intrinsics).size();
+    for (int i = 0; i < 6; ++i) rows.push_back(is_reference ? -1 : count++);
+    if (!camera.intrinsics_refined) continue;
+    const bool is_given = std::ranges::find(given, camera.camera) != given.end();
+    for (Eigen::Index i = 0; i < ToVector(camera.intrinsics).size(); ++i, ++count) {
+      if (is_given) lenses.push_back(count);
+    }
   }
   const std::vector<double>& packed = calibration.camera_covariance;
   if (packed.size() != static_cast<size_t>(count * (count + 1) / 2) || count == 0) {
@@ -35,17 +42,29 @@ absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration) {
   }
   const auto value = [&packed](Eigen::Index i, Eigen::Index j) {
     const auto [low, high] = std::minmax(i, j);
-    return packed[static_cast<size_t>(high * (high + 1) / 2 + low)];
+    return low < 0 ? 0.0 : packed[static_cast<size_t>(high * (high + 1) / 2 + low)];
   };
-  const auto size = static_cast<Eigen::Index>(6 * rows.size());
-  poses.covariance = Eigen::MatrixXd::Zero(size, size);
-  for (Eigen::Index i = 0; i < size; ++i) {
-    for (Eigen::Index j = 0; j < size; ++j) {
-      const Eigen::Index a = rows[static_cast<size_t>(i / 6)], b = rows[static_cast<size_t>(j / 6)];
-      if (a >= 0 && b >= 0) poses.covariance(i, j) = value(a + i % 6, b + j % 6);
+  const auto block = [&value](const std::vector<Eigen::Index>& a,
+                              const std::vector<Eigen::Index>& b) {
+    Eigen::MatrixXd part(static_cast<Eigen::Index>(a.size()), static_cast<Eigen::Index>(b.size()));
+    for (Eigen::Index i = 0; i < part.rows(); ++i) {
+      for (Eigen::Index j = 0; j < part.cols(); ++j) {
+        part(i, j) = value(a[static_cast<size_t>(i)], b[static_cast<size_t>(j)]);
+      }
     }
-  }
-  poses.scale_sigma_rel = calibration.target.scale_sigma_rel;
+    return part;
+  };
+  // Those that were held have no variance.
+  std::erase_if(lenses, [&value](Eigen::Index row) { return !(value(row, row) > 0); });
+  poses.covariance = block(rows, rows);
+  if (lenses.empty()) return poses;
+  const Eigen::MatrixXd own = block(lenses, lenses), cross = block(rows, lenses);
+  // Focal lengths and distortion coefficients are of very different size.
+  const Eigen::VectorXd scale = own.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::LDLT<Eigen::MatrixXd> factor(
+      Eigen::MatrixXd(scale.asDiagonal() * own * scale.asDiagonal()));
+  const Eigen::MatrixXd scaled = cross * scale.asDiagonal();
+  poses.covariance -= scaled * factor.solve(scaled.transpose());
   return poses;
 }
 

@@ -13,7 +13,7 @@
 namespace rigcal::server {
 
 // The camera poses of a calibration with their joint covariance. Where intrinsics were refined,
-// their uncertainty is a part of that of the poses.
+// their uncertainty is a part of that of the poses, unless PosesOf is told otherwise.
 struct RigPoses {
   std::vector<std::string> cameras;          // sorted
   std::vector<RigidTransform> cam_from_rig;  // metres
@@ -27,8 +27,11 @@ struct RigPoses {
   int Find(const std::string& camera) const;
 };
 
+// `given`: cameras whose intrinsics are taken as exact. So are they where poses are compared that
+// two solves found with the same intrinsics: an error of these moves both alike.
 // FAILED_PRECONDITION: the scale is not known, or there is no covariance.
-absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration);
+absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration,
+                                 const std::vector<std::string>& given = {});
 
 // The covariance with another camera held fixed: each camera's change is reduced by that of the rig
 // frame which the fixed one would otherwise have made.

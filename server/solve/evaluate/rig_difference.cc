@@ -32,6 +32,8 @@ constexpr double kFrameTurnRad = 0.1, kFrameShiftM = 1;
 constexpr double kSameWandScale = 2e-4;
 constexpr int kRounds = 3;
 constexpr double kHiddenSigmas = 3;
+// Of a lens that was refined by a wave: what it may be off at the middle of another wave.
+constexpr double kLensErrorPx = 0.25;
 
 Eigen::Matrix3d CrossOf(const Eigen::Vector3d& v) {
   Eigen::Matrix3d cross;
@@ -107,6 +109,29 @@ struct Linear {
   Eigen::MatrixXd frame_gain;  // of the frame's turn, shift and scale: 7 columns
   Eigen::Matrix<double, 7, 1> frame_variance;
 };
+
+const CalibratedCamera& CameraNamed(const CalibrationResult& calibration, const std::string& name) {
+  return *std::ranges::find(calibration.cameras, name, &CalibratedCamera::camera);
+}
+
+// What a lens leaves unexplained moves the poses of two waves apart, as if the camera had turned or
+// shifted by that much in its image. Where the lens was given, its calibration was made with
+// targets that fill the image, and nothing is added.
+void AllowForLenses(const CalibrationResult& by, const Eigen::Vector3d& centre_m,
+                    const std::vector<std::string>& names, Linear* linear) {
+  for (size_t c = 0; c < names.size(); ++c) {
+    const CalibratedCamera& camera = CameraNamed(by, names[c]);
+    if (!camera.intrinsics_refined) continue;
+    const double angle = kLensErrorPx / camera.intrinsics.fx_px;
+    const double distance_m = (camera.cam_from_rig * centre_m).norm();
+    Eigen::Matrix<double, 6, 3> turn;  // about the camera's centre
+    turn << Eigen::Matrix3d::Identity(), -CrossOf(camera.cam_from_rig.translation_m);
+    const auto row = static_cast<Eigen::Index>(6 * c);
+    linear->covariance.block<6, 6>(row, row) += angle * angle * turn * turn.transpose();
+    linear->covariance.block<3, 3>(row + 3, row + 3) +=
+        angle * angle * distance_m * distance_m * Eigen::Matrix3d::Identity();
+  }
+}
 
 Linear Linearise(const RigPoses& a, const RigPoses& b, const Frame& frame, double scale_sigma) {
   const auto size = static_cast<Eigen::Index>(6 * a.cameras.size());
@@ -232,8 +257,16 @@ CameraDifference Describe(const CalibratedCamera& camera, const Eigen::Vector3d&
   return result;
 }
 
-const CalibratedCamera& CameraNamed(const CalibrationResult& calibration, const std::string& name) {
-  return *std::ranges::find(calibration.cameras, name, &CalibratedCamera::camera);
+// Cameras whose poses were found with the same intrinsics.
+std::vector<std::string> SameLenses(const CalibrationResult& a, const CalibrationResult& b) {
+  std::vector<std::string> same;
+  for (const CalibratedCamera& camera : a.cameras) {
+    const auto other = std::ranges::find(b.cameras, camera.camera, &CalibratedCamera::camera);
+    if (other != b.cameras.end() && other->intrinsics == camera.intrinsics) {
+      same.push_back(camera.camera);
+    }
+  }
+  return same;
 }
 
 // Against the median: where the clocks' common zero lies says nothing.
@@ -282,8 +315,9 @@ std::vector<std::string> RigDifference::Moved() const {
 }
 
 absl::StatusOr<RigDifference> CompareRigs(const CalibrationResult& a, const CalibrationResult& b) {
-  RIGCAL_ASSIGN_OR_RETURN(const RigPoses all_a, PosesOf(a));
-  RIGCAL_ASSIGN_OR_RETURN(const RigPoses all_b, PosesOf(b));
+  const std::vector<std::string> lenses = SameLenses(a, b);
+  RIGCAL_ASSIGN_OR_RETURN(const RigPoses all_a, PosesOf(a, lenses));
+  RIGCAL_ASSIGN_OR_RETURN(const RigPoses all_b, PosesOf(b, lenses));
   RigDifference result;
   std::vector<std::string> names;
   for (const std::string& name : all_a.cameras) {
@@ -309,6 +343,7 @@ absl::StatusOr<RigDifference> CompareRigs(const CalibrationResult& a, const Cali
   MovedSet found;
   for (int round = 0; round < kRounds; ++round) {
     linear = Linearise(poses_a, poses_b, frame, scale_sigma);
+    AllowForLenses(a, result.centre_m, names, &linear);
     found = FindMovedSet(linear.difference, linear.covariance);
     if (round + 1 < kRounds) frame = Aligned(linear, found.still, frame);
   }

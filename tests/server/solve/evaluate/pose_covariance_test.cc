@@ -53,6 +53,17 @@ TEST(PoseCovariance, LeavesOutIntrinsicsAndTheReference) {
   EXPECT_EQ(poses.Find("d"), -1);
 }
 
+TEST(PoseCovariance, GivenIntrinsicsLeaveLess) {
+  ASSERT_OK_AND_ASSIGN(const RigPoses marginal, PosesOf(Calibration()));
+  ASSERT_OK_AND_ASSIGN(const RigPoses given, PosesOf(Calibration(), {"b"}));
+  ASSERT_OK_AND_ASSIGN(const RigPoses other, PosesOf(Calibration(), {"a", "c"}));
+  EXPECT_EQ(other.covariance, marginal.covariance);
+  EXPECT_LT(given.covariance(6, 6), marginal.covariance(6, 6));
+  EXPECT_GT(given.covariance(6, 6), 0.9 * marginal.covariance(6, 6));
+  // Of one row alone: the part that its correlation with the intrinsics explains is gone.
+  EXPECT_LT((given.covariance - given.covariance.transpose()).norm(), 1e-18);
+}
+
 TEST(PoseCovariance, RefusesWhatHasNone) {
   CalibrationResult result = Calibration();
   result.camera_covariance.pop_back();

@@ -364,7 +364,7 @@ std::string FormatCalibrationList(const v1::ListCalibrationsResponse& response) 
 }
 
 std::string FormatCalibration(const v1::Calibration& calibration) {
-  std::string text = FormatHead(calibration) + FormatOrigin(calibration);
+  std::string text = FormatHead(calibration) + FormatDerivation(calibration);
   if (calibration.state() == v1::Calibration::STATE_FAILED) {
     absl::StrAppend(&text, "error        ", Printable(calibration.error()), "\n");
   } else if (calibration.state() == v1::Calibration::STATE_RUNNING) {

@@ -78,7 +78,7 @@ std::string FormatActivation(const v1::Activation& activation) {
   return Printable(text + "\n");
 }
 
-std::string FormatOrigin(const v1::Calibration& calibration) {
+std::string FormatDerivation(const v1::Calibration& calibration) {
   const v1::CalibrationOptions& options = calibration.options();
   std::string text;
   if (options.what_if()) text += "what-if            it can never become active\n";

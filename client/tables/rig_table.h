@@ -18,7 +18,7 @@ std::string FormatHistory(const rigcal::v1::ListActivationsResponse& response);
 std::string FormatPruned(const rigcal::v1::PruneSessionsResponse& response, bool dry_run);
 
 // What a calibration derives from, what was held, who asked for it and why; "" for a plain one.
-std::string FormatOrigin(const rigcal::v1::Calibration& calibration);
+std::string FormatDerivation(const rigcal::v1::Calibration& calibration);
 
 // Camera by camera in millimetres, degrees and pixels, with the frame they are in.
 std::string FormatDifference(const rigcal::v1::CompareCalibrationsResponse& difference);

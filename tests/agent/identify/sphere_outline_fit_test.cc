@@ -63,6 +63,29 @@ TEST(SphereOutlineFitter, LightFromOneSideDoesNotMoveTheCentre) {
   }
 }
 
+// Lambert's law, from above and a little from behind, where a polynomial is 0.1 px off.
+TEST(SphereOutlineFitter, WhiteLightFromAboveDoesNotMoveTheCentre) {
+  SphereOutlineFitter fitter;
+  for (const double radius : {5.0, 8.0, 12.0}) {
+    OutlinePixels pixels = Disc({0.2, 0.1}, radius, 0, 3);
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      const Eigen::Vector2d d(static_cast<double>(pixels.x[i]) - 0.2,
+                              static_cast<double>(pixels.y[i]) - 0.1);
+      const Eigen::Vector2d u = d / std::max(radius, d.norm());
+      const double facing = std::sqrt(std::max(0.0, 1 - u.squaredNorm()));
+      const double cover = 0.5 * std::erfc((d.norm() - radius) / (0.7 * std::sqrt(2.0)));
+      pixels.coverage[i] += static_cast<float>(cover * std::max(0.0, -0.5 * u.y() - 0.2 * facing));
+    }
+    SphereOutline plain{.centre_px = {0.3, -0.2}, .radius_px = 1.03 * radius};
+    const Eigen::Matrix2d shape = 0.25 * radius * radius * Eigen::Matrix2d::Identity();
+    ASSERT_TRUE(fitter.Fit(pixels, shape, {}, &plain));
+    SphereOutline white = plain;
+    ASSERT_TRUE(fitter.Fit(pixels, shape, {.white = true}, &white));
+    EXPECT_LT(white.cost, plain.cost) << radius;
+    EXPECT_LT((white.centre_px - Eigen::Vector2d(0.2, 0.1)).norm(), 0.05) << radius;
+  }
+}
+
 TEST(SphereOutlineFitter, CovarianceIsThatOfTheErrors) {
   SphereOutlineFitter fitter;
   double nees = 0;
@@ -103,23 +126,24 @@ TEST(SphereOutlineFitter, RefusesNothingAndHalfADisc) {
   }
 }
 
-TEST(OutlineRows, SlopesAreThoseOfTheModel) {
+void ExpectSlopesOfTheModel(bool white_light) {
   const OutlinePixels pixels = Disc({0, 0}, 5, 0, 1);
   std::array<float, kOutlineCount> parameters = {0.2f,  -0.3f, 4.3f, 0.01f, -0.01f, 0.6f,  0.1f,
                                                  -0.1f, 1.0f,  0.2f, -0.1f, 0.1f,   0.05f, -0.2f};
   OutlineRows rows, above, below;
-  rows.Model(pixels, parameters.data());
+  rows.Model(pixels, parameters.data(), white_light);
   for (int p = 0; p < kOutlineCount; ++p) {
-    constexpr float kStep = 0.01f;
+    if (white_light && p == kOutlineBendDiagonal) continue;  // has no meaning there
+    const float step = white_light ? 0.001f : 0.01f;         // less across the end of the light
     const float value = parameters[static_cast<size_t>(p)];
-    parameters[static_cast<size_t>(p)] = value + kStep;
-    above.Model(pixels, parameters.data());
-    parameters[static_cast<size_t>(p)] = value - kStep;
-    below.Model(pixels, parameters.data());
+    parameters[static_cast<size_t>(p)] = value + step;
+    above.Model(pixels, parameters.data(), white_light);
+    parameters[static_cast<size_t>(p)] = value - step;
+    below.Model(pixels, parameters.data(), white_light);
     parameters[static_cast<size_t>(p)] = value;
     double error = 0, all = 0;
     for (size_t i = 0; i < pixels.size(); ++i) {
-      const float slope = (above.value(i) - below.value(i)) / (2 * kStep);
+      const float slope = (above.value(i) - below.value(i)) / (2 * step);
       error +=
           std::pow(static_cast<double>(slope - rows.slope(static_cast<OutlineParameter>(p), i)), 2);
       all += std::pow(static_cast<double>(slope), 2);
@@ -127,6 +151,11 @@ TEST(OutlineRows, SlopesAreThoseOfTheModel) {
     // How the outline's normal turns is left out of the slopes.
     EXPECT_LT(std::sqrt(error / all), 0.05) << p;
   }
+}
+
+TEST(OutlineRows, SlopesAreThoseOfTheModel) {
+  ExpectSlopesOfTheModel(false);
+  ExpectSlopesOfTheModel(true);
 }
 
 }  // namespace

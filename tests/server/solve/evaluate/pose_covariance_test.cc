@@ -32,7 +32,7 @@ CalibrationResult Calibration() {
         Eigen::Vector3d(1.0 * c, -0.3 * c, 0.2 * c)};
     result.cameras.push_back(camera);
   }
-  const int size = 6 + 4 + 6;
+  const int size = 6 + 9 + 6;  // a pose, four and five values of a lens, a pose
   for (int i = 0; i < size; ++i) {
     for (int j = 0; j <= i; ++j) {
       result.camera_covariance.push_back(i == j ? 1e-6 * (i + 1) : 1e-8 * (i + j));
@@ -46,9 +46,9 @@ TEST(PoseCovariance, LeavesOutIntrinsicsAndTheReference) {
   ASSERT_EQ(poses.covariance.rows(), 18);
   EXPECT_EQ(poses.covariance.topRows(6).norm(), 0);
   EXPECT_DOUBLE_EQ(poses.covariance(6, 6), 1e-6);
-  EXPECT_DOUBLE_EQ(poses.covariance(12, 12), 1e-6 * 11);
-  EXPECT_DOUBLE_EQ(poses.covariance(12, 7), 1e-8 * (10 + 1));
-  EXPECT_DOUBLE_EQ(poses.covariance(7, 12), 1e-8 * (10 + 1));
+  EXPECT_DOUBLE_EQ(poses.covariance(12, 12), 1e-6 * 16);
+  EXPECT_DOUBLE_EQ(poses.covariance(12, 7), 1e-8 * (15 + 1));
+  EXPECT_DOUBLE_EQ(poses.covariance(7, 12), 1e-8 * (15 + 1));
   EXPECT_EQ(poses.Find("c"), 2);
   EXPECT_EQ(poses.Find("d"), -1);
 }

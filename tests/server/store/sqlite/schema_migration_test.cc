@@ -101,7 +101,10 @@ TEST_F(SchemaMigration, Version4GetsActivations) {
   EXPECT_EQ(calibrations[0].record.id, calibration.id);
   ASSERT_OK_AND_ASSIGN(const auto none, store().ListActivations("rig", 5));
   EXPECT_TRUE(none.empty());
-  ASSERT_THAT(store().AddActivation({.rig = "rig", .calibration_id = calibration.id}), IsOk());
+  Activation activation;
+  activation.rig = "rig";
+  activation.calibration_id = calibration.id;
+  ASSERT_THAT(store().AddActivation(activation), IsOk());
   ASSERT_OK_AND_ASSIGN(const DatabaseReport report, CheckDatabase(File(), [](double) {}));
   EXPECT_EQ(report.fault_count, 0u);
 }

@@ -19,7 +19,8 @@ constexpr double kShaded = 8;  // slope_chi_squared of a sphere that is lit from
 constexpr double kUnknownSlope =
     0.5;  // of the slopes' variance by noise, over the root of their number
 constexpr double kLeastSlope = 0.005;
-constexpr double kWhiteGain = 4;  // half a chi-squared
+constexpr double kEvenLight = 4;  // slope_chi_squared
+constexpr double kWhiteGain = 4;   // half a chi-squared
 
 using FittedOutlines = absl::InlinedVector<std::optional<SphereOutline>, 3>;
 
@@ -63,6 +64,8 @@ FittedOutlines WithTheirLight(const OutlinedMarkers& markers, const VerifiedWand
   for (size_t k = 0; k < markers.size(); ++k) {
     if (markers[k].outline == nullptr) continue;
     own[k] = white[k] = *markers[k].outline;
+    // Even light, as in a dark room, needs no other model.
+    if (own[k]->slope_chi_squared < kEvenLight * ScatterOf(*own[k])) continue;
     if (!fitter->Fit(*markers[k].pixels, wand.centres[k].second_moment_px2, {.white = true},
                      &*white[k])) {
       white[k] = own[k];

@@ -96,6 +96,7 @@ void BlinkWandTimeline::Forget(int64_t time_us) {
   lights_.Clear();
   recorder_.Clear();
   learn_until_us_ = learn_from_us_ = time_us;
+  is_learning_ = false;
   if (is_clear_) return;
   must_forget_ = forgets_left_ == 0;
   if (must_forget_) return;
@@ -122,6 +123,12 @@ void BlinkWandTimeline::Run(int64_t time_us) {
     const int64_t due_us = NextDue();
     if (due_us == recorder_.next_begin_us()) {
       recorder_.Begin(filter_);
+    } else if (is_learning_ && due_us == learn_until_us_) {
+      is_learning_ = false;
+      blobs_.clear();
+      if (!must_forget_) blobs_ = filter_.FindBlobs(static_cast<uint32_t>(due_us));
+      flashes_.Measure(recorder_, static_cast<uint32_t>(due_us), &lights_, &blobs_);
+      PlanRecording(due_us);
     } else if (due_us == next_sweep_us_) {
       if (!must_forget_ && !is_clear_) filter_.Sweep(static_cast<uint32_t>(next_sweep_us_));
       next_sweep_us_ += sweep_us_;
@@ -153,6 +160,7 @@ void BlinkWandTimeline::Detect(const OutputTime& asked) {
     learn_until_us_ = asked.due_us + static_cast<int64_t>(kLearnPeriods * period_us_);
     learn_from_us_ = asked.due_us + static_cast<int64_t>(kRetryPeriods * period_us_);
     recorder_.PlanAll(asked.due_us, learn_until_us_);
+    is_learning_ = true;
   }
   detections_.Take(asked, std::move(wand), found_);
   PlanRecording(asked.due_us);

@@ -59,7 +59,8 @@ class BlinkWandTimeline {
   void Run(int64_t time_us);
   // Of whatever is to be done next.
   int64_t NextDue() const {
-    return std::min({next_sweep_us_, schedule_.due_us(), recorder_.next_begin_us()});
+    const int64_t learned_us = is_learning_ ? learn_until_us_ : FlashRecorder::kNever;
+    return std::min({next_sweep_us_, schedule_.due_us(), recorder_.next_begin_us(), learned_us});
   }
   void DetectNext();
   void Detect(const OutputTime& asked);
@@ -80,7 +81,8 @@ class BlinkWandTimeline {
   const bool records_every_burst_;  // when detections are asked for is not known in advance
 
   int64_t learn_until_us_ = 0;  // everything is recorded until then
-  int64_t learn_from_us_ = 0;   // a light that was not found is looked for again then
+  bool is_learning_ = false;
+  int64_t learn_from_us_ = 0;  // a light that was not found is looked for again then
 
   bool begun_ = false;
   int64_t reached_us_ = 0;

@@ -12,7 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "client/results/calibration_file.h"
 #include "tests/client/command_runner.h"
-#include "tests/common/triangulate/true_calibration.h"
+#include "tests/common/triangulate/true_result.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -47,7 +47,7 @@ class TriangulateCommand : public ::testing::Test {
     Target wand;
     wand.marker_positions_m = {0, 0.13, 0.39};
     world_ = *SimulatedWorld::Create(simulation, wand);
-    CalibrationResult result = rigcal::testing::TrueCalibration(*world_);
+    CalibrationResult result = rigcal::testing::TrueResult(*world_);
     result.target.marker_positions_m = wand.marker_positions_m;
     result.target.scale_sigma_rel = 0.001;
     CalibrationFile file;

@@ -117,7 +117,7 @@ TEST(WriteExport, NamesAFolderThatCannotBeMade) {
 TEST(WriteJsonExport, HoldsTheWholeCalibration) {
   const TemporaryDirectory directory;
   ASSERT_OK_AND_ASSIGN(const auto files,
-                       WriteJsonExport(FullCalibration(), directory.path(), nullptr));
+                       WriteJsonExport(FullCalibration(), {}, directory.path(), nullptr));
   EXPECT_THAT(files, ElementsAre(directory.path() / "calibration.json"));
   v1::Calibration read;
   ASSERT_TRUE(google::protobuf::util::JsonStringToMessage(ReadFile(files[0]), &read).ok());

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "common/origin/frame_fit.h"
-#include "tests/common/triangulate/true_calibration.h"
+#include "tests/common/triangulate/true_result.h"
 
 namespace rigcal {
 namespace {
@@ -32,8 +32,7 @@ CalibrationResult Calibration(Eigen::MatrixXd* covariance) {
   simulation.camera_count = 3;
   Target wand;
   wand.marker_positions_m = {0, 0.13, 0.39};
-  CalibrationResult calibration =
-      testing::TrueCalibration(*SimulatedWorld::Create(simulation, wand));
+  CalibrationResult calibration = testing::TrueResult(*SimulatedWorld::Create(simulation, wand));
   calibration.reference_camera = "sim_0";
   calibration.wand_volume = WandVolume{Eigen::Vector3d(-1, -1, 1), Eigen::Vector3d(1, 1, 2)};
   std::mt19937 random(5);

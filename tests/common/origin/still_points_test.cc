@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/common/triangulate/true_calibration.h"
+#include "tests/common/triangulate/true_result.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal {
@@ -12,7 +12,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using testing::StatusIs;
-using testing::TrueCalibration;
+using testing::TrueResult;
 
 SimulatedWorld World() {
   SimulationOptions simulation;
@@ -49,8 +49,7 @@ TEST(FindStillPoints, FindsThePlacesAndJoinsThoseThatComeAgain) {
   const WandPose b{Eigen::Vector3d(-0.5, 0.3, 0.9), Eigen::Vector3d::UnitY()};
   StillOptions options;
   options.triangulation.sigma_px = 0.3;
-  const auto still =
-      FindStillPoints(TrueCalibration(world), WavesAndRests(world, {a, b, a}), options);
+  const auto still = FindStillPoints(TrueResult(world), WavesAndRests(world, {a, b, a}), options);
   ASSERT_THAT(still, testing::IsOk());
   ASSERT_EQ(still->size(), 6u);
   for (const StillPoint& point : *still) {
@@ -64,7 +63,7 @@ TEST(FindStillPoints, FindsThePlacesAndJoinsThoseThatComeAgain) {
 
 TEST(FindStillPoints, SaysHowLongTheTargetRestedAtMost) {
   const SimulatedWorld world = World();
-  EXPECT_THAT(FindStillPoints(TrueCalibration(world), testing::RowsOf(world), {}),
+  EXPECT_THAT(FindStillPoints(TrueResult(world), testing::RowsOf(world), {}),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("the longest rest is")));
 }
 

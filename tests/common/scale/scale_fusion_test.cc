@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "tests/common/triangulate/true_calibration.h"
+#include "tests/common/triangulate/true_result.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal {
@@ -81,7 +81,7 @@ SimulatedWorld World() {
 }
 
 TEST(ScaleOfCameras, HasTheirDistance) {
-  const CalibrationResult calibration = testing::TrueCalibration(World());
+  const CalibrationResult calibration = testing::TrueResult(World());
   const auto source = ScaleOfCameras(calibration, {}, "sim_0", "sim_1", 4, 0.002);
   ASSERT_THAT(source, IsOk());
   EXPECT_NEAR(source->measured_m,
@@ -95,7 +95,7 @@ TEST(ScaleOfCameras, HasTheirDistance) {
 
 TEST(ScaleOfMarkers, MeasuresABarWithItsNoise) {
   const SimulatedWorld world = World();
-  const CalibrationResult calibration = testing::TrueCalibration(world);
+  const CalibrationResult calibration = testing::TrueResult(world);
   const auto triangulation =
       TriangulateRows(calibration, testing::RowsOf(world), {.sigma_px = 0.3});
   ASSERT_THAT(triangulation, IsOk());
@@ -111,7 +111,7 @@ TEST(ScaleOfMarkers, MeasuresABarWithItsNoise) {
 }
 
 TEST(Rescale, MakesEveryLengthLonger) {
-  CalibrationResult calibration = testing::TrueCalibration(World());
+  CalibrationResult calibration = testing::TrueResult(World());
   calibration.target.marker_positions_m = {0, 0.13, 0.39};
   const CalibrationResult scaled = Rescale(calibration, 1.01, 0.0003);
   EXPECT_NEAR(scaled.cameras[2].cam_from_rig.SourceFromTargetTranslation().norm(),

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/common/triangulate/true_calibration.h"
+#include "tests/common/triangulate/true_result.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal {
@@ -13,7 +13,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::RowsOf;
 using testing::StatusIs;
-using testing::TrueCalibration;
+using testing::TrueResult;
 
 SimulatedWorld World() {
   SimulationOptions simulation;
@@ -32,12 +32,12 @@ absl::Status Check(const CalibrationResult& calibration, const std::vector<Camer
 
 TEST(CheckConvention, AcceptsWhatFits) {
   const SimulatedWorld world = World();
-  EXPECT_THAT(Check(TrueCalibration(world), RowsOf(world)), testing::IsOk());
+  EXPECT_THAT(Check(TrueResult(world), RowsOf(world)), testing::IsOk());
 }
 
 TEST(CheckConvention, NamesInvertedPoses) {
   const SimulatedWorld world = World();
-  CalibrationResult calibration = TrueCalibration(world);
+  CalibrationResult calibration = TrueResult(world);
   for (CalibratedCamera& camera : calibration.cameras) {
     camera.cam_from_rig = camera.cam_from_rig.Inverse();
   }
@@ -47,7 +47,7 @@ TEST(CheckConvention, NamesInvertedPoses) {
 
 TEST(CheckConvention, NamesTheAxesOfOpenGl) {
   const SimulatedWorld world = World();
-  CalibrationResult calibration = TrueCalibration(world);
+  CalibrationResult calibration = TrueResult(world);
   for (CalibratedCamera& camera : calibration.cameras) {
     camera.cam_from_rig = RigidTransform(Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d::Zero()) *
                           camera.cam_from_rig;
@@ -61,7 +61,7 @@ TEST(CheckConvention, SaysThatRowsOfAnotherRigDoNotFit) {
   std::vector<CameraRows> rows = RowsOf(world);
   std::swap(rows[0].rows, rows[1].rows);
   std::swap(rows[2].rows, rows[3].rows);
-  EXPECT_THAT(Check(TrueCalibration(world), rows),
+  EXPECT_THAT(Check(TrueResult(world), rows),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("do not fit")));
 }
 

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tests/common/triangulate/true_calibration.h"
+#include "tests/common/triangulate/true_result.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal {
@@ -17,7 +17,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::RowsOf;
 using testing::StatusIs;
-using testing::TrueCalibration;
+using testing::TrueResult;
 
 SimulationOptions Simulation() {
   SimulationOptions simulation;
@@ -49,7 +49,7 @@ double RmsErrorM(const SimulatedWorld& world, const Triangulation& triangulation
 Triangulation TrueTriangulation(const SimulatedWorld& world, std::vector<CameraRows> rows,
                                 const TriangulationOptions& options = {}) {
   absl::StatusOr<Triangulation> result =
-      TriangulateRows(TrueCalibration(world), std::move(rows), options);
+      TriangulateRows(TrueResult(world), std::move(rows), options);
   EXPECT_THAT(result, testing::IsOk());
   return result.ok() ? *std::move(result) : Triangulation();
 }
@@ -79,7 +79,7 @@ TEST(TriangulateRows, AppliesOffsetsRatesAndLineDelays) {
   // clock error at 1.5 m/s would cost as much in the mean.
   EXPECT_LT(RmsErrorM(world, triangulation), 6e-4);
 
-  CalibrationResult wrong = TrueCalibration(world);
+  CalibrationResult wrong = TrueResult(world);
   wrong.cameras[1].time_offset_s += 0.004;
   TriangulationOptions trusting;
   trusting.max_sigmas = 1e6;
@@ -138,7 +138,7 @@ TEST(TriangulateRows, TwoViewsThatDoNotAgreeAreNoPoint) {
 
 TEST(TriangulateRows, TheCovarianceHasTheCalibrationsPart) {
   const SimulatedWorld world = World(Simulation());
-  CalibrationResult calibration = TrueCalibration(world);
+  CalibrationResult calibration = TrueResult(world);
   calibration.reference_camera = "sim_0";
   constexpr int kRows = 18;  // three cameras, six each
   calibration.camera_covariance.assign(kRows * (kRows + 1) / 2, 0);
@@ -166,14 +166,14 @@ TEST(TriangulateRows, RefusesRowsOfACameraThatWasNotCalibrated) {
   const SimulatedWorld world = World(Simulation());
   std::vector<CameraRows> rows = RowsOf(world);
   rows[1].camera = "left";
-  EXPECT_THAT(TriangulateRows(TrueCalibration(world), rows, {}),
+  EXPECT_THAT(TriangulateRows(TrueResult(world), rows, {}),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        HasSubstr("no camera left; it has sim_0, sim_1, sim_2, sim_3")));
 }
 
 TEST(TriangulateRows, RefusesACalibrationWithoutScale) {
   const SimulatedWorld world = World(Simulation());
-  CalibrationResult calibration = TrueCalibration(world);
+  CalibrationResult calibration = TrueResult(world);
   calibration.scale_known = false;
   EXPECT_THAT(TriangulateRows(calibration, RowsOf(world), {}),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("scale")));

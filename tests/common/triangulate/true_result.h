@@ -10,7 +10,7 @@
 namespace rigcal::testing {
 
 // The calibration of a simulated rig that has no error. Its rig frame is the world's.
-inline CalibrationResult TrueCalibration(const SimulatedWorld& world) {
+inline CalibrationResult TrueResult(const SimulatedWorld& world) {
   CalibrationResult result;
   result.scale_known = true;
   result.target.given = world.target();

@@ -74,9 +74,18 @@ absl::StatusOr<v1::Calibration> CalibrateAndWait(ServerConnection& server,
                                          "; rigcal calibration get ", id, " shows it later"));
     return calibration.status();
   }
-  if (calibration->state() != v1::Calibration::STATE_FAILED) return calibration;
+  return calibration;
+}
+
+absl::StatusOr<v1::Calibration> CalibrateSuccessfully(ServerConnection& server,
+                                                      const v1::CreateCalibrationRequest& request,
+                                                      CommandContext& context) {
+  absl::StatusOr<v1::Calibration> calibration = CalibrateAndWait(server, request, context);
+  if (!calibration.ok() || calibration->state() == v1::Calibration::STATE_SUCCEEDED) {
+    return calibration;
+  }
   return absl::FailedPreconditionError(
-      absl::StrCat("calibration ", id, " failed: ", calibration->error()));
+      absl::StrCat("calibration ", calibration->id(), " failed: ", calibration->error()));
 }
 
 ExitCode ActivateIfGood(ServerConnection& server, const v1::Calibration& calibration,
@@ -192,6 +201,7 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
   const absl::StatusOr<v1::Calibration> calibration = CalibrateAndWait(server, request, context);
   if (!calibration.ok()) return context.Fail(calibration.status());
   const ExitCode shown = ShowCalibration(*calibration, context);
+  if (calibration->state() != v1::Calibration::STATE_SUCCEEDED) return shown;
   if (what_if || calibration->options().kind() != v1::CalibrationOptions::KIND_UNSPECIFIED) {
     ShowDifference(server, *calibration, context);
   }

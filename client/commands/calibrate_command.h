@@ -27,9 +27,14 @@ struct CalibrateOptions {
 // `rigcal calibrate`: queues a calibration and prints it; with `wait`, its result.
 ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context);
 
-// Queues a calibration and waits for its end, with its progress on `err`. Errors: the server's; a
-// calibration that failed is FAILED_PRECONDITION with its error.
+// Queues a calibration and waits for its end, which may be that it failed, with its progress on
+// `err`. Errors: the server's.
 absl::StatusOr<rigcal::v1::Calibration> CalibrateAndWait(
+    ServerConnection& server, const rigcal::v1::CreateCalibrationRequest& request,
+    CommandContext& context);
+
+// The same; a calibration that failed is FAILED_PRECONDITION with its error.
+absl::StatusOr<rigcal::v1::Calibration> CalibrateSuccessfully(
     ServerConnection& server, const rigcal::v1::CreateCalibrationRequest& request,
     CommandContext& context);
 

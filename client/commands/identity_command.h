@@ -13,8 +13,8 @@ struct CreateTokenOptions {
   std::string name;
 };
 
-// `rigcal token create`: prints a join string, and nothing else on stdout. For people, stderr has the
-// links that open the dashboard with it.
+// `rigcal token create`: prints a join string, and nothing else on stdout. For people, stderr has
+// the links that open the dashboard with it.
 ExitCode CreateToken(const CreateTokenOptions& options, CommandContext& context);
 // `rigcal token list`: join strings, without their secrets.
 ExitCode ListTokens(CommandContext& context);

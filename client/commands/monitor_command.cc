@@ -90,7 +90,7 @@ ExitCode Repair(const MonitorOptions& options, const std::string& parent,
                 const std::vector<std::string>& moved, ServerConnection& server,
                 CommandContext& context) {
   const absl::StatusOr<v1::Calibration> repaired =
-      CalibrateAndWait(server, RepairRequest(options.session, parent, moved), context);
+      CalibrateSuccessfully(server, RepairRequest(options.session, parent, moved), context);
   if (!repaired.ok()) return context.Fail(repaired.status());
   return ActivateIfGood(server, *repaired, "monitor --auto", context);
 }
@@ -119,7 +119,7 @@ ExitCode Monitor(const MonitorOptions& options, CommandContext& context) {
   const auto active = CalibrationOf(server.CallWithId(&CalibrationStub::GetCalibration, *against));
   if (!active.ok()) return context.Fail(active.status());
   const absl::StatusOr<v1::Calibration> now =
-      CalibrateAndWait(server, LookRequest(options.session, *active), context);
+      CalibrateSuccessfully(server, LookRequest(options.session, *active), context);
   if (!now.ok()) return context.Fail(now.status());
   const auto difference = FetchDifference(server, active->id(), now->id());
   if (!difference.ok()) return context.Fail(difference.status());

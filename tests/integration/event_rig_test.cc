@@ -101,8 +101,9 @@ TEST(EventRig, CalibratesAllCamerasWithTheirRatesAndNoise) {
     EXPECT_LE(residuals["inlier"]["rms_px"], 0.2) << name;
     EXPECT_GT(camera["uncertainty"]["time_offset_sigma_s"],
               result.cameras.at("sim_2")["uncertainty"]["time_offset_sigma_s"]);
-    // The effect of its pixels' low pass (docs/event_cameras.md).
-    EXPECT_NEAR(camera["time_offset_s"], 5e-5, 1.5e-4) << name;
+    // Its pixels answer later than the light: their low pass, and those that are still in their
+    // refractory period; 0.05 ms is of the frame cameras (docs/event_cameras.md).
+    EXPECT_NEAR(camera["time_offset_s"], -2e-4, 1.5e-4) << name;
     EXPECT_EQ(camera["image_size_px"], json({{"width", 1280}, {"height", 720}}));
   }
 }

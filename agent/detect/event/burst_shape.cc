@@ -69,7 +69,8 @@ double RadiusPx(const Blob& shape) { return std::sqrt(shape.area_px / std::numbe
 bool IsLong(const Blob& shape) {
   const Eigen::Matrix2d& second = shape.second_moment_px2;
   const double mean = 0.5 * second.trace();
-  const double apart = std::hypot(0.5 * (second(0, 0) - second(1, 1)), second(0, 1));
+  const double apart =
+      std::sqrt(0.25 * std::pow(second(0, 0) - second(1, 1), 2) + second(0, 1) * second(0, 1));
   return mean + apart > kLongRatio * (mean - apart);
 }
 

@@ -2,9 +2,11 @@
 #include "agent/detect/event/flash_measurer.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <numeric>
-#include <tuple>
+#include <utility>
 
 #include "agent/detect/event/burst_shape.h"
 #include "agent/detect/event/wrapped_time.h"
@@ -49,6 +51,10 @@ void FlashMeasurer::Collect(std::span<const PackedEvent> events, double due_us,
     discs.push_back({blobs[index].centre_px.x(), blobs[index].centre_px.y(), radius,
                      std::pow(radius + kAroundPx, 2)});
   }
+  // Modulo 2^32 us, the nearer way round, as SinceUs.
+  const double whole_us = std::floor(due_us);
+  const auto due = static_cast<uint32_t>(static_cast<int64_t>(whole_us));
+  const double rest_us = due_us - whole_us;
   for (const PackedEvent& event : events) {
     // Of markers that touch each other, the one in whose terms the pixel is nearest.
     size_t nearest = discs.size();
@@ -61,8 +67,8 @@ void FlashMeasurer::Collect(std::span<const PackedEvent> events, double due_us,
       if (nearest == discs.size() || power < least) nearest = i, least = power;
     }
     if (nearest == discs.size()) continue;
-    answers_[nearest].push_back(
-        {static_cast<float>(SinceUs(due_us, event.time_us)), event.x, event.y(), event.on()});
+    const double since_due_us = static_cast<int32_t>(event.time_us - due) - rest_us;
+    answers_[nearest].push_back({static_cast<float>(since_due_us), event.x, event.y(), event.on()});
   }
 }
 
@@ -99,36 +105,44 @@ std::optional<BlinkLight> FlashMeasurer::FindLight(const BlinkBlob& blob,
                     .lit_us = lit_us};
 }
 
+// Orders answers by row, column and time. Bits of floats that are not negative ascend with them.
+uint64_t FlashMeasurer::KeyOf(const Answer& answer, float from_us) {
+  return uint64_t{answer.y} << 48 | uint64_t{answer.x} << 32 |
+         std::bit_cast<uint32_t>(answer.since_due_us - from_us);
+}
+
 std::optional<FlashMeasurer::Flash> FlashMeasurer::MeasureFlash(const std::vector<Answer>& answers,
                                                                 bool on, double begin_us,
                                                                 const BlinkLight& light,
                                                                 int least_pixels) {
   const double margin_us = light.MarginUs(), answer_us = light.AnswerUs();
-  const auto within = [&](double from_us, double until_us) {
-    flash_.clear();
-    times_us_.clear();
+  const auto for_each_within = [&](double from_us, double until_us, const auto& take) {
+    const auto from = static_cast<float>(from_us), until = static_cast<float>(until_us);
     for (const Answer& answer : answers) {
-      if (answer.on != on || answer.since_due_us < from_us || answer.since_due_us > until_us) {
-        continue;
+      if (answer.on == on && answer.since_due_us >= from && answer.since_due_us <= until) {
+        take(answer);
       }
-      flash_.push_back(answer);
-      times_us_.push_back(answer.since_due_us);
     }
-    return static_cast<int>(flash_.size()) >= least_pixels;
   };
-  if (!within(begin_us - margin_us, begin_us + margin_us + answer_us)) return std::nullopt;
+  times_us_.clear();
+  for_each_within(begin_us - margin_us, begin_us + margin_us + answer_us,
+                  [&](const Answer& answer) { times_us_.push_back(answer.since_due_us); });
+  if (static_cast<int>(times_us_.size()) < least_pixels) return std::nullopt;
   const double earliest_us = LowerQuantile(&times_us_, kEarlyShare) - kEarly * light.period_us;
-  if (!within(earliest_us, earliest_us + answer_us)) return std::nullopt;
+  const auto from = static_cast<float>(earliest_us);
+  by_pixel_.clear();
+  for_each_within(earliest_us, earliest_us + answer_us,
+                  [&](const Answer& answer) { by_pixel_.push_back(KeyOf(answer, from)); });
+  if (static_cast<int>(by_pixel_.size()) < least_pixels) return std::nullopt;
   // Each pixel's first.
-  std::sort(flash_.begin(), flash_.end(), [](const Answer& a, const Answer& b) {
-    return std::tie(a.y, a.x, a.since_due_us) < std::tie(b.y, b.x, b.since_due_us);
-  });
+  std::sort(by_pixel_.begin(), by_pixel_.end());
   times_us_.clear();
   pixels_.clear();
-  for (const Answer& answer : flash_) {
-    if (!pixels_.empty() && pixels_.back() == std::pair<int, int>(answer.x, answer.y)) continue;
-    pixels_.emplace_back(answer.x, answer.y);
-    times_us_.push_back(answer.since_due_us);
+  for (const uint64_t key : by_pixel_) {
+    const std::pair<int, int> pixel((key >> 32) & 0xffff, key >> 48);
+    if (!pixels_.empty() && pixels_.back() == pixel) continue;
+    pixels_.push_back(pixel);
+    times_us_.push_back(from + std::bit_cast<float>(static_cast<uint32_t>(key)));
   }
   Smooth(&pixels_);
   if (static_cast<int>(pixels_.size()) < least_pixels) return std::nullopt;

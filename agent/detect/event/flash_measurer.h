@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -41,6 +42,7 @@ class FlashMeasurer {
     uint16_t x = 0, y = 0;
     bool on = false;
   };
+  static uint64_t KeyOf(const Answer& answer, float from_us);
   struct Flash {
     Blob shape;
     double time_us = 0;  // since due
@@ -58,7 +60,7 @@ class FlashMeasurer {
   int min_pixels_;
   std::vector<size_t> largest_;               // indices of blobs
   std::vector<std::vector<Answer>> answers_;  // of each of those
-  std::vector<Answer> flash_;
+  std::vector<uint64_t> by_pixel_;
   std::vector<float> times_us_;
   PixelList pixels_;
 };

@@ -28,6 +28,9 @@ constexpr char kDescription[] =
     "  rigcal session stop wave --wait\n"
     "  rigcal calibrate wave --wait\n"
     "  rigcal calibration export ID --format opencv --output DIR\n"
+    "Has a camera moved since? After ten seconds of waving:\n"
+    "  rigcal monitor RIG --session check\n"
+    "  rigcal calibrate check --only CAMERA --activate\n"
     "Something wrong:\n"
     "  rigcal doctor\n";
 

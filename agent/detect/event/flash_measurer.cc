@@ -2,11 +2,10 @@
 #include "agent/detect/event/flash_measurer.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <numeric>
-#include <utility>
 
 #include "agent/detect/event/burst_shape.h"
 #include "agent/detect/event/wrapped_time.h"
@@ -17,7 +16,7 @@ namespace {
 
 // Around a blob: what it moves in a period, and pixels that answer though little of the marker
 // covers them.
-constexpr double kAroundPx = 5;
+constexpr float kAroundPx = 5;
 // Of a blob's area: fewer pixels are not its answer to a flash.
 constexpr double kLeastShare = 0.4;
 // Of the events about a flash: those before are of edges that move.
@@ -28,6 +27,22 @@ constexpr double kEarly = 0.02;
 constexpr double kFallShare = 0.1;
 // Of a period: a light that shines shorter, or is dark shorter, is not followed.
 constexpr double kLeastPhase = 0.08;
+
+struct PixelBox {
+  int min_x = std::numeric_limits<int>::max(), min_y = std::numeric_limits<int>::max();
+  int max_x = -1, max_y = -1;
+
+  void Add(int x, int y) {
+    min_x = std::min(min_x, x), max_x = std::max(max_x, x);
+    min_y = std::min(min_y, y), max_y = std::max(max_y, y);
+  }
+  int width() const { return max_x - min_x + 1; }
+  int height() const { return max_y - min_y + 1; }
+  size_t IndexOf(int x, int y) const {
+    return static_cast<size_t>(y - min_y) * static_cast<size_t>(width()) +
+           static_cast<size_t>(x - min_x);
+  }
+};
 
 }  // namespace
 
@@ -43,13 +58,14 @@ void FlashMeasurer::Collect(std::span<const PackedEvent> events, double due_us,
   answers_.resize(std::max(answers_.size(), largest_.size()));
   for (std::vector<Answer>& answers : answers_) answers.clear();
   struct Disc {
-    double x, y, radius, reach;
+    float x, y, radius2, reach2;
   };
   std::vector<Disc> discs;
   for (const size_t index : largest_) {
-    const double radius = RadiusPx(blobs[index]);
-    discs.push_back({blobs[index].centre_px.x(), blobs[index].centre_px.y(), radius,
-                     std::pow(radius + kAroundPx, 2)});
+    const auto radius = static_cast<float>(RadiusPx(blobs[index])), reach = radius + kAroundPx;
+    discs.push_back({static_cast<float>(blobs[index].centre_px.x()),
+                     static_cast<float>(blobs[index].centre_px.y()), radius * radius,
+                     reach * reach});
   }
   // Modulo 2^32 us, the nearer way round, as SinceUs.
   const double whole_us = std::floor(due_us);
@@ -58,13 +74,14 @@ void FlashMeasurer::Collect(std::span<const PackedEvent> events, double due_us,
   for (const PackedEvent& event : events) {
     // Of markers that touch each other, the one in whose terms the pixel is nearest.
     size_t nearest = discs.size();
-    double least = 0;
+    float least = std::numeric_limits<float>::infinity();
+    const auto x = static_cast<float>(event.x), y = static_cast<float>(event.y());
     for (size_t i = 0; i < discs.size(); ++i) {
-      const double dx = event.x - discs[i].x, dy = event.y() - discs[i].y;
-      const double away = dx * dx + dy * dy;
-      if (away > discs[i].reach) continue;
-      const double power = away - discs[i].radius * discs[i].radius;
-      if (nearest == discs.size() || power < least) nearest = i, least = power;
+      const float dx = x - discs[i].x, dy = y - discs[i].y;
+      const float away2 = dx * dx + dy * dy, power = away2 - discs[i].radius2;
+      const bool is_nearer = away2 <= discs[i].reach2 && power < least;
+      nearest = is_nearer ? i : nearest;
+      least = is_nearer ? power : least;
     }
     if (nearest == discs.size()) continue;
     const double since_due_us = static_cast<int32_t>(event.time_us - due) - rest_us;
@@ -105,12 +122,6 @@ std::optional<BlinkLight> FlashMeasurer::FindLight(const BlinkBlob& blob,
                     .lit_us = lit_us};
 }
 
-// Orders answers by row, column and time. Bits of floats that are not negative ascend with them.
-uint64_t FlashMeasurer::KeyOf(const Answer& answer, float from_us) {
-  return uint64_t{answer.y} << 48 | uint64_t{answer.x} << 32 |
-         std::bit_cast<uint32_t>(answer.since_due_us - from_us);
-}
-
 std::optional<FlashMeasurer::Flash> FlashMeasurer::MeasureFlash(const std::vector<Answer>& answers,
                                                                 bool on, double begin_us,
                                                                 const BlinkLight& light,
@@ -129,20 +140,30 @@ std::optional<FlashMeasurer::Flash> FlashMeasurer::MeasureFlash(const std::vecto
                   [&](const Answer& answer) { times_us_.push_back(answer.since_due_us); });
   if (static_cast<int>(times_us_.size()) < least_pixels) return std::nullopt;
   const double earliest_us = LowerQuantile(&times_us_, kEarlyShare) - kEarly * light.period_us;
-  const auto from = static_cast<float>(earliest_us);
-  by_pixel_.clear();
-  for_each_within(earliest_us, earliest_us + answer_us,
-                  [&](const Answer& answer) { by_pixel_.push_back(KeyOf(answer, from)); });
-  if (static_cast<int>(by_pixel_.size()) < least_pixels) return std::nullopt;
+  flash_.clear();
+  PixelBox box;
+  for_each_within(earliest_us, earliest_us + answer_us, [&](const Answer& answer) {
+    flash_.push_back(answer);
+    box.Add(answer.x, answer.y);
+  });
+  if (static_cast<int>(flash_.size()) < least_pixels) return std::nullopt;
   // Each pixel's first.
-  std::sort(by_pixel_.begin(), by_pixel_.end());
+  constexpr float kNone = std::numeric_limits<float>::infinity();
+  first_us_.assign(static_cast<size_t>(box.width()) * static_cast<size_t>(box.height()), kNone);
+  for (const Answer& answer : flash_) {
+    float& first_us = first_us_[box.IndexOf(answer.x, answer.y)];
+    first_us = std::min(first_us, answer.since_due_us);
+  }
   times_us_.clear();
   pixels_.clear();
-  for (const uint64_t key : by_pixel_) {
-    const std::pair<int, int> pixel((key >> 32) & 0xffff, key >> 48);
-    if (!pixels_.empty() && pixels_.back() == pixel) continue;
-    pixels_.push_back(pixel);
-    times_us_.push_back(from + std::bit_cast<float>(static_cast<uint32_t>(key)));
+  size_t index = 0;
+  for (int y = box.min_y; y <= box.max_y; ++y) {
+    for (int x = box.min_x; x <= box.max_x; ++x) {
+      const float first_us = first_us_[index++];
+      if (first_us == kNone) continue;
+      pixels_.emplace_back(x, y);
+      times_us_.push_back(first_us);
+    }
   }
   Smooth(&pixels_);
   if (static_cast<int>(pixels_.size()) < least_pixels) return std::nullopt;

@@ -42,7 +42,6 @@ class FlashMeasurer {
     uint16_t x = 0, y = 0;
     bool on = false;
   };
-  static uint64_t KeyOf(const Answer& answer, float from_us);
   struct Flash {
     Blob shape;
     double time_us = 0;  // since due
@@ -60,7 +59,8 @@ class FlashMeasurer {
   int min_pixels_;
   std::vector<size_t> largest_;               // indices of blobs
   std::vector<std::vector<Answer>> answers_;  // of each of those
-  std::vector<uint64_t> by_pixel_;
+  std::vector<Answer> flash_;
+  std::vector<float> first_us_;  // by pixel of a box
   std::vector<float> times_us_;
   PixelList pixels_;
 };

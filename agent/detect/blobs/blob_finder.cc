@@ -65,6 +65,7 @@ const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
   result_.passed_px = 0;
   result_.run_count = 0;
   result_.cut_short = false;
+  result_.row_count = 0;
   const PixelRect inside = Clip(window, image);
   if (image.data == nullptr || inside.empty()) return result_;
   LabelRows(image, inside);

@@ -34,11 +34,14 @@ constexpr int kMaxCandidates = 200;  // that are compared by their colour
 constexpr size_t kMaxMeasured = 30;  // of them
 constexpr double kMaxWork = 36000;   // of MarkerMeter::WorkOf, 50 ns each
 constexpr double kWorkOfLevel = 18000;
+// Of a level of a crowded picture: something is left for those that follow.
+constexpr int kFitsOfCrowded = 150;
+constexpr double kWorkOfCrowded = 6000;
 constexpr size_t kFewCandidates = 3;  // may take all of it: spheres near the camera are large
 constexpr double kWhiteRoom = 0.01;   // of the pixels: more than saturated spheres
 constexpr double kLeastLit = 0.02;    // of the pixels
 constexpr double kLittleMs = 1;
-constexpr double kNoFurtherMs = 3;  // by the times above: no other level is begun
+constexpr double kNoFurtherMs = 3.5;  // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand; what was left out is hardly as good
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
@@ -157,7 +160,9 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
     cores_.push_back(spot.core);
     doubts_.push_back(spot.doubt);
   }
-  wand_finder_.LimitFits(std::min(fits_left_, kFitsOfLevel));
+  const bool more_follow =
+      part == image.Bounds() && level < SpotFinder::kPaleLevels[0] && IsCrowded();
+  wand_finder_.LimitFits(std::min(fits_left_, more_follow ? kFitsOfCrowded : kFitsOfLevel));
   const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_, {}, cores_, doubts_);
   fits_left_ -= wand_finder_.fits();
   cut_short_ |= wand_finder_.cut_short() || result().cut_short;
@@ -172,8 +177,9 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
     candidates_.push_back(found[order[i].second]);
     candidates_.back().cost = order[i].first;
   }
-  double work =
-      candidates_.size() <= kFewCandidates ? work_left_ : std::min(work_left_, kWorkOfLevel);
+  double work = candidates_.size() <= kFewCandidates
+                    ? work_left_
+                    : std::min(work_left_, more_follow ? kWorkOfCrowded : kWorkOfLevel);
   work_left_ -= work;
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
                                      kMaxFits - fits_left_, IsLit(image), &work);
@@ -181,7 +187,11 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   has_rivals_ = verdict.ambiguous;
   const bool all = verdict.measured == order.size();
   cut_short_ |= verdict.left_out;
-  if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) return SearchPartial(image);
+  if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) {
+    // Of a crowded picture whole wands are looked for in the next levels first.
+    if (more_follow) return verdict;
+    return SearchPartial(image);
+  }
   if (!verdict.wand || (all && !wand_finder_.cut_short())) return verdict;
   // What was left out may be as good.
   const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {

@@ -28,6 +28,7 @@ constexpr double kHalfCost = 13;  // confidence 0.5
 constexpr double kCostScale = 2.5;
 constexpr double kMargin = 8;  // in cost, of a wand against another one
 constexpr double kCertain = 0.999;
+constexpr double kAmbiguousUs = 100'000;  // another wand that was seen is still there
 // Of a wand that is followed: by which a marker's radius may differ from the last one, how many
 // times its gate another marker must be away, the least size of what may be another wand's marker
 // in terms of the largest, and how sure its labels must be.
@@ -124,7 +125,11 @@ MarkerObservation BlinkWandVerifier::Observe(const WandImageFit& fit, size_t k,
 
 BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
   TakeBlobs(blobs);
-  if (!blobs_.empty()) track_.ForgetBefore(times_us_.front());
+  if (!blobs_.empty()) {
+    const double now_us = times_us_.front();
+    track_.ForgetBefore(now_us);
+    if (ambiguous_us_ && SinceUs(*ambiguous_us_, now_us) > kAmbiguousUs) ambiguous_us_.reset();
+  }
   BlinkWand wand = Choose();
   if (wand.outcome == DetectionOutcome::kNoWand && !track_.empty()) {
     if (BlinkWand followed = Follow(); followed.outcome == DetectionOutcome::kWand) {
@@ -163,8 +168,10 @@ BlinkWand BlinkWandVerifier::Choose() {
     }
   }
   if (best.candidate->blobs.size() == 1) label_confidence = 1;
-  // Of another wand some markers may have grown together with this one's.
-  if (best.candidate->blobs.size() > 2 && OthersThan(best.candidate->blobs) > 1) {
+  // Of another wand some markers may have grown together with this one's: of one that was seen just
+  // now, all but one.
+  const int most_others = ambiguous_us_ ? 0 : 1;
+  if (best.candidate->blobs.size() > 2 && OthersThan(best.candidate->blobs) > most_others) {
     wand.outcome = DetectionOutcome::kAmbiguous;
     return wand;
   }
@@ -279,7 +286,10 @@ BlinkWand BlinkWandVerifier::Follow() const {
 }
 
 void BlinkWandVerifier::UpdateTrack(const BlinkWand& wand) {
-  if (wand.outcome == DetectionOutcome::kAmbiguous) track_.Forget();
+  if (wand.outcome == DetectionOutcome::kAmbiguous) {
+    track_.Forget();
+    ambiguous_us_ = times_us_.front();
+  }
   if (wand.outcome != DetectionOutcome::kWand || wand.markers.size() < 3) return;
   std::vector<BlinkWandTrack::Sighting> sightings;
   bool is_certain = true;

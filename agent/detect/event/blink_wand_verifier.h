@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "absl/types/span.h"
@@ -52,7 +53,10 @@ class BlinkWandVerifier {
 
   BlinkWand Verify(const std::vector<BlinkBlob>& blobs);
   // The clock jumps.
-  void ForgetTrack() { track_.Forget(); }
+  void ForgetTrack() {
+    track_.Forget();
+    ambiguous_us_.reset();
+  }
 
  private:
   struct Evaluated {
@@ -83,6 +87,7 @@ class BlinkWandVerifier {
   std::vector<int> order_;
   std::vector<Evaluated> evaluated_;
   BlinkWandTrack track_;
+  std::optional<double> ambiguous_us_;  // when another wand was seen last
 };
 
 }  // namespace rigcal::agent

@@ -54,6 +54,10 @@ EventDetectionSummary PrintEventCase(const std::string& name, const EventDetecti
       s.wands_shown > 0 ? 100.0 * s.wands_found / s.wands_shown : 0.0, s.false_wands,
       s.detections > 0 ? 100.0 * s.false_wands / s.detections : 0.0, s.wands.rms_px,
       s.wand_latency_us);
+  if (s.spheres_shown > 0) {
+    fmt::print("    spheres seen whole, of wands with two or more: {:.2f} % of {}; {} ambiguous\n",
+               100.0 * s.spheres_found / s.spheres_shown, s.spheres_shown, s.ambiguous);
+  }
   if (s.wands.centres > 0) PrintCentreErrors(results);
   std::fflush(stdout);
   if (!verbose) return s;
@@ -106,6 +110,15 @@ void PrintVariants(const EventDetectionOptions& plain, bool verbose) {
   fast.output_hz = 1000;  // each burst is emitted once: 500 detections per second
   fast.outputs = 200;
   PrintEventCase("moving, 1 kHz", fast, verbose);
+  EventDetectionOptions border = some(4);
+  border.at_border = true;
+  PrintEventCase("an end at the border", border, verbose);
+  EventDetectionOptions hidden = some(4);
+  hidden.hide_one = true;
+  PrintEventCase("one sphere hidden", hidden, verbose);
+  EventDetectionOptions two = some(4);
+  two.second_wand = true;
+  PrintEventCase("two wands that cross", two, verbose);
 }
 
 int RunEventCases(const SeedOptions& seeds) {

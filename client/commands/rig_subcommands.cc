@@ -21,8 +21,9 @@ void AddMonitor(CommandParser& parser) {
       "a session of a few seconds of waving",
       Monitor);
   AddArgument(app, "RIG", "The rig", &options->rig);
-  AddOption(app, "--session", "SESSION", &options->session, "A finished session of that rig")
-      ->required();
+  AddOption(app, "--session", "SESSION", &options->session,
+            "A finished session of that rig; without it what the server's own monitor says "
+            "(rigcal rig monitor)");
   AddOption(app, "--against", "ID", &options->against,
             "Calibration to compare with; without it the active one");
   app->add_flag("--auto", options->repair,
@@ -50,6 +51,16 @@ void AddRigCommands(CommandParser& parser) {
   AddReason(rollback, rollback_options);
   AddOriginCommand(parser, group, /*rig=*/true);
   AddScaleCommand(parser, group, /*rig=*/true);
+  auto [monitor, mode] = parser.AddCommand(
+      group, "monitor",
+      "Whether the server compares every session of a rig with its active calibration",
+      SetMonitorMode);
+  AddArgument(monitor, "RIG", "Name of the rig", &mode->rig);
+  monitor
+      ->add_option("MODE", mode->mode,
+                   "off; watch: say what has moved; repair: also solve it again after the session, "
+                   "and make the result active if it is good; without it what it says now")
+      ->check(CLI::IsMember({"off", "watch", "repair"}).description(""));
   AddMonitor(parser);
 }
 

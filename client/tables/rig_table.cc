@@ -13,6 +13,7 @@ namespace rigcal::client {
 namespace {
 
 constexpr double kMillimetres = 1000;
+constexpr double kMonitorDegrees = 57.29577951308232;
 
 std::string OrDash(const std::string& text) { return text.empty() ? "-" : text; }
 
@@ -51,6 +52,28 @@ std::string HowDerived(const v1::CalibrationOptions& options) {
   }
 }
 
+const char* MonitorModeText(v1::MonitorMode mode) {
+  switch (mode) {
+    case v1::MONITOR_MODE_WATCH:
+      return "watch";
+    case v1::MONITOR_MODE_REPAIR:
+      return "repair";
+    default:
+      return "off";
+  }
+}
+
+const char* MonitorVerdictText(v1::LiveMonitoredCamera::Verdict verdict) {
+  switch (verdict) {
+    case v1::LiveMonitoredCamera::VERDICT_GOOD:
+      return "still good";
+    case v1::LiveMonitoredCamera::VERDICT_MOVED:
+      return "MOVED";
+    default:
+      return "cannot tell";
+  }
+}
+
 }  // namespace
 
 std::string FormatRigList(const v1::ListRigsResponse& response) {
@@ -80,6 +103,47 @@ std::string FormatRig(const v1::Rig& rig) {
                     absl::StrJoin(rig.cameras(), ", "), "\n");
   }
   absl::StrAppend(&text, "calibrations       ", rig.calibration_count(), "\n");
+  absl::StrAppend(&text, "monitor            ", MonitorModeText(rig.monitor()), "\n");
+  return Printable(text);
+}
+
+std::string FormatMonitor(const v1::LiveMonitor& monitor) {
+  std::string text = absl::StrCat("monitor            ", MonitorModeText(monitor.mode()), "\n");
+  if (monitor.mode() != v1::MONITOR_MODE_WATCH && monitor.mode() != v1::MONITOR_MODE_REPAIR) {
+    return text;
+  }
+  absl::StrAppend(&text, "against            ", OrDash(monitor.calibration_id()),
+                  "\nlast look          ",
+                  monitor.has_time() ? absl::StrCat(FormatTime(true, monitor.time()),
+                                                    ", session ", monitor.session_id())
+                                     : "none yet: wave",
+                  "\n");
+  if (!monitor.problem().empty()) {
+    absl::StrAppend(&text, "cannot tell        ", monitor.problem(), "\n");
+  }
+  if (!monitor.repair_text().empty()) {
+    absl::StrAppend(&text, "repair             ", monitor.repair_text(), "\n");
+  }
+  TextTable table;
+  table.Words({"camera", "verdict", "since"})
+      .Numbers({"moved mm", "+-", "turned deg", "+-", "shift px", "sigmas", "clock ms", "+-"});
+  for (const v1::LiveMonitoredCamera& camera : monitor.cameras()) {
+    const bool known = camera.has_time();
+    const auto number = [known](double value, int digits) {
+      return known ? FormatFixed(value, digits) : std::string("-");
+    };
+    const bool clock = camera.clock_change_sigma_s() > 0;
+    table.AddRow({camera.camera(), MonitorVerdictText(camera.verdict()),
+                  FormatTime(known, camera.time()),
+                  number(kMillimetres * camera.translation_m(), 2),
+                  number(kMillimetres * camera.translation_sigma_m(), 2),
+                  number(kMonitorDegrees * camera.rotation_rad(), 4),
+                  number(kMonitorDegrees * camera.rotation_sigma_rad(), 4),
+                  number(camera.centre_px(), 2), number(camera.sigmas(), 1),
+                  clock ? FormatFixed(1e3 * camera.clock_change_s(), 3) : "-",
+                  clock ? FormatFixed(1e3 * camera.clock_change_sigma_s(), 3) : "-"});
+  }
+  if (!monitor.cameras().empty()) absl::StrAppend(&text, table.Format(2));
   return Printable(text);
 }
 

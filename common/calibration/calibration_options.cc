@@ -113,10 +113,12 @@ void CheckWhatIf(const CalibrationOptions& options, FaultList* faults) {
   }
   if (options.assumed_target) faults->Add(options.assumed_target->Validate());
   if (options.what_if) return;
+  const bool is_repair = options.kind == SolveKind::kRepair;
   for (const auto& [name, given] :
        {std::pair("without_cameras", !options.without_cameras.empty()),
         std::pair("without_sessions", !options.without_sessions.empty()),
-        std::pair("from_s", options.from_s != 0), std::pair("to_s", options.to_s != 0),
+        std::pair("from_s", options.from_s != 0 && !is_repair),
+        std::pair("to_s", options.to_s != 0 && !is_repair),
         std::pair("assumed_target", options.assumed_target.has_value())}) {
     if (given) faults->Add(name, " is for a what-if: set what_if");
   }

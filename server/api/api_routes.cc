@@ -21,6 +21,8 @@ constexpr ApiRoute kApiRoutes[] = {
      "Which calibrations of a rig were active, newest first"},
     {"POST", "/v1/rigs/{name}:rollback", "/rigcal.v1.RigService/RollbackRig",
      "Makes the calibration before the active one active again"},
+    {"POST", "/v1/rigs/{name}:monitor", "/rigcal.v1.RigService/SetRigMonitor",
+     "Whether the server compares the sessions of a rig with its active calibration"},
     {"GET", "/v1/sessions", "/rigcal.v1.SessionService/ListSessions", "A page of the sessions"},
     {"POST", "/v1/sessions", "/rigcal.v1.SessionService/CreateSession", "Creates a session"},
     {"GET", "/v1/sessions/{id}", "/rigcal.v1.SessionService/GetSession", "One session"},
@@ -99,6 +101,7 @@ constexpr RpcWithoutRoute kRpcsWithoutRoute[] = {
      "gigabytes as packed columns, which JSON makes several times as large; gRPC streams them"},
     {"/rigcal.v1.SessionService/WatchSession",
      "a stream; poll GET /v1/live, which answers 304 while nothing has changed"},
+    {"/rigcal.v1.TriangulationService/Triangulate", "a stream in both directions"},
 };
 
 // "{id}:start" against "s-1:start" gives ("id", "s-1"). A value has no ':' of its own, so that a

@@ -111,7 +111,10 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   }
 
   std::lock_guard create(create_mutex_);
-  if (solves) RIGCAL_RETURN_IF_ERROR(AddContinuedSessions(&session_ids));
+  // A repair is of what was recorded after the move: the sessions that are named.
+  if (solves && options.kind != SolveKind::kRepair) {
+    RIGCAL_RETURN_IF_ERROR(AddContinuedSessions(&session_ids));
+  }
   std::erase_if(session_ids, [&options](const std::string& id) {
     return std::ranges::find(options.without_sessions, id) != options.without_sessions.end();
   });

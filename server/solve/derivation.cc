@@ -107,6 +107,16 @@ absl::Status AssumeTarget(const Target& assumed, CalibrationInput* input) {
 
 }  // namespace
 
+CalibrationOptions LookOptions(const CalibrationResult& active) {
+  CalibrationOptions options;
+  options.what_if = true;
+  options.intrinsics = Estimate::kFixed;
+  for (const CalibratedCamera& camera : active.cameras) {
+    options.given_intrinsics.push_back({camera.camera, camera.image_size_px, camera.intrinsics});
+  }
+  return options;
+}
+
 absl::Status ApplyDerivation(const CalibrationOptions& options, CalibrationInput* input) {
   if (options.kind != SolveKind::kFull && !input->parent) {
     return absl::FailedPreconditionError(

@@ -15,6 +15,10 @@
 
 namespace rigcal::server {
 
+// What a look at a rig solves, to be compared with its calibration (CompareRigs): a what-if with the
+// lenses of the calibration. An error of a lens moves both alike.
+CalibrationOptions LookOptions(const CalibrationResult& active);
+
 // Changes the input of a solve as its options ask: leaves out cameras, sessions and times, takes
 // the assumed target, and the intrinsics that are given or, of a repair or refinement, the
 // parent's.

@@ -337,6 +337,73 @@ TEST_F(RigLife, AFloorIsSetKeptAndRolledBack) {
   EXPECT_EQ(Active(), first);
 }
 
+// The monitor as a mode of the server: nobody asks it about a session.
+TEST_F(RigLife, TheServersMonitorNamesAndRepairs) {
+  const auto live = [&] {
+    const CommandResult shown = Rigcal({"monitor", "rig", "-o", "json"});
+    return std::pair(shown.exit_code, json::parse(shown.output));
+  };
+  const auto await_look = [&](const std::string& session) {
+    return WaitFor([&] {
+      const json monitor = live().second;
+      return monitor.value("session_id", "") == session && monitor.contains("time");
+    });
+  };
+  const auto cameras_with = [&](const char* verdict) {
+    std::vector<std::string> names;
+    for (const json& camera : live().second["cameras"]) {
+      if (camera["verdict"] == verdict) names.push_back(camera["camera"]);
+    }
+    return names;
+  };
+  Record({.id = "first"});
+  EXPECT_EQ(live().second.value("mode", "MONITOR_MODE_UNSPECIFIED"), "MONITOR_MODE_UNSPECIFIED");
+  const std::string first = Calibrate({"first", "--activate"});
+  ASSERT_EQ(Rigcal({"rig", "monitor", "rig", "watch"}).exit_code, 0);
+  EXPECT_THAT(Rigcal({"rig", "get", "rig"}).output, HasSubstr("monitor            watch"));
+  ASSERT_TRUE(WaitFor([&] { return live().second.value("calibration_id", "") == first; }));
+
+  Record({.id = "quiet", .from_s = 20, .to_s = 30});
+  ASSERT_TRUE(await_look("quiet"));
+  EXPECT_EQ(cameras_with("VERDICT_GOOD").size(), 4u) << live().second.dump(2);
+  EXPECT_EQ(live().first, 0);
+
+  Record({.id = "bumped", .from_s = 30, .to_s = 40, .bumped = {"sim_2"}});
+  ASSERT_TRUE(await_look("bumped"));
+  EXPECT_EQ(cameras_with("VERDICT_MOVED"), std::vector<std::string>{"sim_2"});
+  EXPECT_EQ(cameras_with("VERDICT_GOOD").size(), 3u);
+  EXPECT_EQ(live().first, 7);
+  EXPECT_EQ(Active(), first);
+  // Everybody who watches sees it.
+  ASSERT_TRUE(WaitFor([&] {
+    const CommandResult watched = Rigcal({"watch", "--session", "bumped"});
+    return watched.output.find("warning camera_moved sim_2") != std::string::npos &&
+           watched.output.find("moved: sim_2") != std::string::npos;
+  }));
+
+  ASSERT_EQ(Rigcal({"rig", "monitor", "rig", "repair"}).exit_code, 0);
+  Record({.id = "again", .from_s = 40, .to_s = 50, .bumped = {"sim_2"}});
+  ASSERT_TRUE(WaitFor([&] { return live().second.value("repair", "") == "REPAIR_STATE_ACTIVE"; }))
+      << live().second.dump(2);
+  const std::string repaired = Active();
+  EXPECT_NE(repaired, first);
+  EXPECT_EQ(live().second["repair_id"], repaired);
+  const json history = json::parse(Rigcal({"rig", "history", "rig", "-o", "json"}).output);
+  EXPECT_EQ(history["activations"][0]["operator_name"], "monitor");
+  EXPECT_EQ(history["activations"][0]["reason"], "monitor: sim_2 has moved");
+  const json calibration =
+      json::parse(Rigcal({"calibration", "get", repaired, "-o", "json"}).output);
+  EXPECT_EQ(calibration["options"]["parent_id"], first);
+  EXPECT_EQ(calibration["options"]["only_cameras"], json({"sim_2"}));
+
+  Record({.id = "after", .from_s = 50, .to_s = 60, .bumped = {"sim_2"}});
+  ASSERT_TRUE(await_look("after"));
+  EXPECT_EQ(cameras_with("VERDICT_GOOD").size(), 4u) << live().second.dump(2);
+  EXPECT_EQ(Active(), repaired);
+  ASSERT_EQ(Rigcal({"rig", "monitor", "rig", "off"}).exit_code, 0);
+  EXPECT_TRUE(WaitFor([&] { return live().second.value("mode", "") == "MONITOR_MODE_OFF"; }));
+}
+
 TEST_F(RigLife, WhatMustNotBecomeActiveDoesNot) {
   Record({.id = "first"});
   Record({.id = "fewer", .to_s = 12, .without = {"sim_3"}});

@@ -28,8 +28,11 @@ inline constexpr double kOccludedCost = 7.5;
 // that were measured.
 double Lopsidedness(const MarkerCentre& centre);
 double Lopsidedness(const VerifiedWand& wand);
-// How unlike the markers that were measured are in brightness and colour, as a chi-squared.
-double Unlikeness(const VerifiedWand& wand);
+// How unlike the markers that were measured are in brightness and colour, as a chi-squared. LEDs
+// differ in brightness; in a lit room (`in_room`) other things differ more.
+double Unlikeness(const VerifiedWand& wand, bool in_room);
+// The largest between two markers that were measured, in rad.
+double ColourDifference(const VerifiedWand& wand);
 double MeanBrightness(const VerifiedWand& wand);  // grey levels, over all channels
 
 // No blob in common.

@@ -285,13 +285,11 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
                      .max_memory_bytes = uint64_t{limits.calibration_memory_mb} << 20});
   RIGCAL_ASSIGN_OR_RETURN(
       const auto runner,
-      CalibrationRunner::Create(
-          {.max_queued = limits.max_queued_calibrations,
-           .max_observations = limits.max_calibration_observations,
-           .max_watches = limits.max_watches,
-           .software_version = std::string(wire::kSoftwareVersion)},
-          store.get(), coordinator.get(),
-          solves.Measured(solve)));
+      CalibrationRunner::Create({.max_queued = limits.max_queued_calibrations,
+                                 .max_observations = limits.max_calibration_observations,
+                                 .max_watches = limits.max_watches,
+                                 .software_version = std::string(wire::kSoftwareVersion)},
+                                store.get(), coordinator.get(), solves.Measured(solve)));
   RigMonitor monitor({.max_observations = limits.max_calibration_observations},
                      {.store = store.get(),
                       .coordinator = coordinator.get(),

@@ -13,7 +13,7 @@ struct MonitorOptions {
   std::string rig;
   std::string session = {};  // empty: what the server's monitor says
   std::string against = {};  // empty: the active calibration
-  bool repair = false;  // and activate the result if it is good
+  bool repair = false;       // and activate the result if it is good
 };
 
 // Without a session: what the server's own monitor has found. kOk, unless a camera has moved.

@@ -95,8 +95,9 @@ std::string TriangulationParquet(const Triangulation& triangulation,
     const Eigen::Vector3d sigma = covariance.diagonal().cwiseSqrt();
     times_ns.push_back(point.rig_time_ns);
     point_labels.push_back(labels[static_cast<size_t>(point.marker)]);
-    const double values[] = {at.x(),    at.y(),    at.z(),           sigma.x(),        sigma.y(),
-                             sigma.z(), covariance(0, 1), covariance(0, 2), covariance(1, 2)};
+    const double values[] = {at.x(),           at.y(),           at.z(),
+                             sigma.x(),        sigma.y(),        sigma.z(),
+                             covariance(0, 1), covariance(0, 2), covariance(1, 2)};
     for (size_t i = 0; i < numbers.size(); ++i) numbers[i].push_back(values[i]);
     cameras.push_back(static_cast<int32_t>(point.views.size()));
     errors_px.push_back(point.error_px);

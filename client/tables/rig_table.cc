@@ -112,12 +112,12 @@ std::string FormatMonitor(const v1::LiveMonitor& monitor) {
   if (monitor.mode() != v1::MONITOR_MODE_WATCH && monitor.mode() != v1::MONITOR_MODE_REPAIR) {
     return text;
   }
-  absl::StrAppend(&text, "against            ", OrDash(monitor.calibration_id()),
-                  "\nlast look          ",
-                  monitor.has_time() ? absl::StrCat(FormatTime(true, monitor.time()),
-                                                    ", session ", monitor.session_id())
-                                     : "none yet: wave",
-                  "\n");
+  absl::StrAppend(
+      &text, "against            ", OrDash(monitor.calibration_id()), "\nlast look          ",
+      monitor.has_time()
+          ? absl::StrCat(FormatTime(true, monitor.time()), ", session ", monitor.session_id())
+          : "none yet: wave",
+      "\n");
   if (!monitor.problem().empty()) {
     absl::StrAppend(&text, "cannot tell        ", monitor.problem(), "\n");
   }
@@ -133,15 +133,14 @@ std::string FormatMonitor(const v1::LiveMonitor& monitor) {
       return known ? FormatFixed(value, digits) : std::string("-");
     };
     const bool clock = camera.clock_change_sigma_s() > 0;
-    table.AddRow({camera.camera(), MonitorVerdictText(camera.verdict()),
-                  FormatTime(known, camera.time()),
-                  number(kMillimetres * camera.translation_m(), 2),
-                  number(kMillimetres * camera.translation_sigma_m(), 2),
-                  number(kMonitorDegrees * camera.rotation_rad(), 4),
-                  number(kMonitorDegrees * camera.rotation_sigma_rad(), 4),
-                  number(camera.centre_px(), 2), number(camera.sigmas(), 1),
-                  clock ? FormatFixed(1e3 * camera.clock_change_s(), 3) : "-",
-                  clock ? FormatFixed(1e3 * camera.clock_change_sigma_s(), 3) : "-"});
+    table.AddRow(
+        {camera.camera(), MonitorVerdictText(camera.verdict()), FormatTime(known, camera.time()),
+         number(kMillimetres * camera.translation_m(), 2),
+         number(kMillimetres * camera.translation_sigma_m(), 2),
+         number(kMonitorDegrees * camera.rotation_rad(), 4),
+         number(kMonitorDegrees * camera.rotation_sigma_rad(), 4), number(camera.centre_px(), 2),
+         number(camera.sigmas(), 1), clock ? FormatFixed(1e3 * camera.clock_change_s(), 3) : "-",
+         clock ? FormatFixed(1e3 * camera.clock_change_sigma_s(), 3) : "-"});
   }
   if (!monitor.cameras().empty()) absl::StrAppend(&text, table.Format(2));
   return Printable(text);

@@ -130,15 +130,15 @@ std::string MonitorText(const v1::LiveMonitor& monitor) {
   std::vector<std::string> moved, unknown;
   for (const v1::LiveMonitoredCamera& camera : monitor.cameras()) {
     good += camera.verdict() == v1::LiveMonitoredCamera::VERDICT_GOOD;
-    if (camera.verdict() == v1::LiveMonitoredCamera::VERDICT_MOVED) moved.push_back(camera.camera());
+    if (camera.verdict() == v1::LiveMonitoredCamera::VERDICT_MOVED)
+      moved.push_back(camera.camera());
     if (camera.verdict() == v1::LiveMonitoredCamera::VERDICT_UNKNOWN) {
       unknown.push_back(camera.camera());
     }
   }
-  std::string text = absl::StrCat(good, " of ",
-                                  FormatCount(static_cast<uint64_t>(monitor.cameras_size()),
-                                              "camera"),
-                                  " where ", monitor.calibration_id(), " has them");
+  std::string text = absl::StrCat(
+      good, " of ", FormatCount(static_cast<uint64_t>(monitor.cameras_size()), "camera"), " where ",
+      monitor.calibration_id(), " has them");
   if (!moved.empty()) absl::StrAppend(&text, ", moved: ", absl::StrJoin(moved, ", "));
   if (!unknown.empty() && unknown.size() < static_cast<size_t>(monitor.cameras_size())) {
     absl::StrAppend(&text, ", cannot tell: ", absl::StrJoin(unknown, ", "));

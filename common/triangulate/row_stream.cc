@@ -69,8 +69,8 @@ absl::StatusOr<RowStream> RowStream::Create(CalibrationResult calibration,
   }
   for (const std::string& name : stream.options_.cameras) {
     if (stream.tracks_.contains(name)) continue;
-    return absl::InvalidArgumentError(absl::StrCat(
-        "the calibration has no camera ", name, "; it has ", absl::StrJoin(names, ", ")));
+    return absl::InvalidArgumentError(absl::StrCat("the calibration has no camera ", name,
+                                                   "; it has ", absl::StrJoin(names, ", ")));
   }
   if (stream.tracks_.size() < 2) {
     return absl::InvalidArgumentError(
@@ -88,8 +88,8 @@ absl::Status RowStream::Add(const std::string& camera, const std::vector<Observa
   if (found == tracks_.end()) {
     std::vector<std::string> names;
     for (const auto& [name, track] : tracks_) names.push_back(name);
-    return absl::InvalidArgumentError(absl::StrCat("camera ", camera, " is none of this stream: ",
-                                                   absl::StrJoin(names, ", ")));
+    return absl::InvalidArgumentError(
+        absl::StrCat("camera ", camera, " is none of this stream: ", absl::StrJoin(names, ", ")));
   }
   Track& track = found->second;
   for (const Observation& row : rows) {
@@ -111,9 +111,10 @@ absl::Status RowStream::Add(const std::string& camera, const std::vector<Observa
     track.has_rows = true;
   }
   if (waiting_row_count() > options_.max_rows) {
-    return absl::ResourceExhaustedError(absl::StrCat(
-        "more than ", options_.max_rows,
-        " rows wait for those of other cameras; send the rows of all cameras in the order of time"));
+    return absl::ResourceExhaustedError(
+        absl::StrCat("more than ", options_.max_rows,
+                     " rows wait for those of other cameras; send the rows of all cameras in the "
+                     "order of time"));
   }
   return absl::OkStatus();
 }
@@ -159,8 +160,8 @@ void RowStream::ForgetBefore(int64_t rig_time_ns) {
 
 absl::StatusOr<Triangulation> RowStream::Take(bool end) {
   // A camera's pause must not make its period: no margin is longer than what is waited for.
-  const double margin_s = std::min(
-      std::max(kLeastMarginS, kMarginPeriods * LongestPeriodS()), options_.max_delay_s);
+  const double margin_s =
+      std::min(std::max(kLeastMarginS, kMarginPeriods * LongestPeriodS()), options_.max_delay_s);
   const int64_t until_ns =
       end ? std::numeric_limits<int64_t>::max() : HorizonNs() - StreamNs(margin_s);
   if (!end) {

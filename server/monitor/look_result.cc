@@ -46,9 +46,9 @@ std::map<std::string, ClockChange> CompareClocks(const CalibrationResult& first,
     ClockChange change;
     change.change_s =
         after->time_offset_s - before.time_offset_s - 1e-6 * before.time_rate_ppm * time_s;
-    change.sigma_s = std::hypot(before.uncertainty->time_offset_sigma_s,
-                                after->uncertainty->time_offset_sigma_s,
-                                1e-6 * before.uncertainty->time_rate_sigma_ppm * time_s);
+    change.sigma_s =
+        std::hypot(before.uncertainty->time_offset_sigma_s, after->uncertainty->time_offset_sigma_s,
+                   1e-6 * before.uncertainty->time_rate_sigma_ppm * time_s);
     if (!(change.sigma_s > 0)) continue;
     all_s.push_back(change.change_s);
     times_s[before.camera] = time_s;
@@ -81,10 +81,10 @@ void TakeVerdicts(const RigDifference& difference, const std::set<std::string>& 
   monitor->problem = difference.problem;
   monitor->all_moved = !difference.problem.empty();
   if (!moved_within.empty()) {
-    monitor->problem = absl::StrCat(absl::StrJoin(moved_within, ", "),
-                                    moved_within.size() == 1 ? " has" : " have",
-                                    " moved while the wand was waved; what comes after that says "
-                                    "by how much");
+    monitor->problem =
+        absl::StrCat(absl::StrJoin(moved_within, ", "), moved_within.size() == 1 ? " has" : " have",
+                     " moved while the wand was waved; what comes after that says "
+                     "by how much");
   }
   for (const CameraDifference& found : difference.cameras) {
     LiveMonitoredCamera& camera = CameraOf(found.camera, monitor);

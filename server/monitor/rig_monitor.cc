@@ -33,6 +33,17 @@ std::string MovedText(const std::vector<std::string>& cameras) {
                       " moved");
 }
 
+// By the last look.
+std::vector<std::string> CamerasSaid(const LiveMonitor& shown, MonitorVerdict verdict) {
+  std::vector<std::string> names;
+  for (const LiveMonitoredCamera& camera : shown.cameras) {
+    if (camera.verdict == verdict && camera.time_utc_ns == shown.time_utc_ns) {
+      names.push_back(camera.camera);
+    }
+  }
+  return names;
+}
+
 std::string_view GradeText(QualityGrade grade) {
   return grade == QualityGrade::kBad      ? "bad"
          : grade == QualityGrade::kUsable ? "usable only"
@@ -108,8 +119,8 @@ void RigMonitor::StepRig(const std::string& name, MonitorMode mode, Rig* rig) {
   if (!session) return;
   Follow(*session, rig);
   const double now_s = SecondsBetween(session->start_utc_ns, UtcNowNs(options_.utc_now_ns));
-  const double due_s = rig->look_count == 0 ? options_.first_look_s
-                                            : rig->last_look_s + options_.look_interval_s;
+  const double due_s =
+      rig->look_count == 0 ? options_.first_look_s : rig->last_look_s + options_.look_interval_s;
   if (now_s < due_s) return;
   Look(*session, std::max(rig->clean_from_s, now_s - options_.window_s), now_s, rig);
 }
@@ -163,8 +174,8 @@ std::optional<Session> RigMonitor::CapturingSession(const std::string& name) con
 
 std::vector<Session> RigMonitor::FinishedSessions(const std::string& name, const Rig& rig) const {
   std::vector<Session> sessions;
-  const auto listed = parts_.store->ListSessions(
-      {.rig = name, .state = SessionState::kFinished}, {.limit = kListedSessions});
+  const auto listed = parts_.store->ListSessions({.rig = name, .state = SessionState::kFinished},
+                                                 {.limit = kListedSessions});
   if (!listed.ok()) return sessions;
   for (const auto& [summary, position] : *listed) {
     const Session& session = summary.session;
@@ -208,12 +219,11 @@ void RigMonitor::Look(const Session& session, double from_s, double now_s, Rig* 
   const std::vector<std::string> ids = {session.id};
   CalibrationHooks hooks;
   hooks.cancelled = &stopping_;
-  const CalibrationOutcome outcome =
-      parts_.look({.store = *parts_.store,
-                   .session_ids = ids,
-                   .max_observations = options_.max_observations,
-                   .options = options},
-                  hooks);
+  const CalibrationOutcome outcome = parts_.look({.store = *parts_.store,
+                                                  .session_ids = ids,
+                                                  .max_observations = options_.max_observations,
+                                                  .options = options},
+                                                 hooks);
   if (stopping_) return;
   if (!outcome.result.ok()) {
     shown.problem = absl::StrCat("nothing can be told by session ", session.id, ": ",
@@ -238,6 +248,11 @@ void RigMonitor::Look(const Session& session, double from_s, double now_s, Rig* 
     }
   }
   if (moved_now) rig->clean_from_s = now_s;
+  spdlog::debug("monitor: session {} from {:.1f} s on, at {:.1f} s: good [{}], moved [{}]{}",
+                session.id, from_s, now_s,
+                absl::StrJoin(CamerasSaid(shown, MonitorVerdict::kGood), ", "),
+                absl::StrJoin(CamerasSaid(shown, MonitorVerdict::kMoved), ", "),
+                shown.problem.empty() ? "" : "; " + shown.problem);
   if (!rig->first_look) {
     rig->first_look = *outcome.result;
     rig->first_look->residuals.clear();
@@ -262,7 +277,21 @@ void RigMonitor::LookAtEnd(const std::string& name, const Session& session, Rig*
   // Of a session that nobody has looked at: all of it.
   const double from_s =
       rig->look_count == 0 ? 0 : std::max(rig->clean_from_s, duration_s - options_.window_s);
-  Look(session, from_s, duration_s, rig);
+  if (const double clean_from_s = rig->clean_from_s; clean_from_s > 0) {
+    // Rows that came late can make a look while capturing take a camera for one that has just
+    // moved: all rows together tell.
+    rig->clean_from_s = 0;
+    rig->seen_good.clear();
+    Look(session, 0, duration_s, rig);
+    const bool moved_within = rig->clean_from_s > 0 || !rig->shown.problem.empty();
+    rig->seen_good.clear();
+    if (moved_within) {
+      rig->clean_from_s = clean_from_s;
+      Look(session, from_s, duration_s, rig);
+    }
+  } else {
+    Look(session, from_s, duration_s, rig);
+  }
   if (stopping_) return;
   if (rig->ended.size() >= kMaxEnded) {
     rig->ended.clear();
@@ -291,7 +320,8 @@ void RigMonitor::BeginRepair(const std::string& name, const Session& session, do
     shown.repair_text = absl::StrCat(moved, ", and is not repaired: ", why);
     Audit(name, repair, shown.repair_text);
   };
-  if (duration_s - rig->clean_from_s < options_.least_repair_s) {
+  // By the wall clock, by which it was seen to move: a recording may come faster than it was made.
+  if (rig->clean_from_s > 0 && duration_s - rig->clean_from_s < options_.least_repair_s) {
     return refuse("too little was recorded after the move; wave for ten seconds more");
   }
   CalibrationOptions options;
@@ -332,8 +362,8 @@ void RigMonitor::EndRepair(const std::string& name, const Calibration& calibrati
   const std::string moved = MovedText(rig->repair->cameras);
   const auto leave = [&](const std::string& why) {
     shown.repair = MonitorRepairState::kNotActive;
-    shown.repair_text = absl::StrCat(moved, "; the repair ", calibration.id,
-                                     " was not made active: ", why);
+    shown.repair_text =
+        absl::StrCat(moved, "; the repair ", calibration.id, " was not made active: ", why);
   };
   if (calibration.state == CalibrationState::kFailed) return leave(calibration.error);
   const CalibrationResult& result = *calibration.result;
@@ -347,8 +377,7 @@ void RigMonitor::EndRepair(const std::string& name, const Calibration& calibrati
                               "; look at it, or calibrate the whole rig"));
   }
   const auto latest = parts_.store->ListActivations(name, 1);
-  if (!latest.ok() || latest->empty() ||
-      latest->front().calibration_id != rig->repair->parent_id) {
+  if (!latest.ok() || latest->empty() || latest->front().calibration_id != rig->repair->parent_id) {
     return leave(absl::StrCat("calibration ", rig->repair->parent_id,
                               ", which it repairs, is not the active one any more"));
   }

@@ -116,8 +116,7 @@ class RigService final : public v1::RigService::Service {
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> MakeRigService(const RpcServerParts& parts,
-                                              CallSecurity* security) {
+std::unique_ptr<grpc::Service> MakeRigService(const RpcServerParts& parts, CallSecurity* security) {
   return std::make_unique<RigService>(parts, security);
 }
 

@@ -30,9 +30,9 @@ constexpr std::chrono::milliseconds kLookInterval{2};
 constexpr std::chrono::milliseconds kFarewell{100};
 constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
-    "rigcal.v1.AgentService",       "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
-    "rigcal.v1.SessionService",     "rigcal.v1.CalibrationService", "rigcal.v1.LiveService",
-    "rigcal.v1.MaintenanceService", "rigcal.v1.RigService",         "rigcal.v1.StatusService",
+    "rigcal.v1.AgentService",        "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
+    "rigcal.v1.SessionService",      "rigcal.v1.CalibrationService", "rigcal.v1.LiveService",
+    "rigcal.v1.MaintenanceService",  "rigcal.v1.RigService",         "rigcal.v1.StatusService",
     "rigcal.v1.TriangulationService"};
 
 // Both plugins are global to the process and must be on before the first server is built; and so is

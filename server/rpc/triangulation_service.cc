@@ -84,8 +84,8 @@ absl::StatusOr<std::vector<Observation>> RowsOf(const v1::TriangulateRows& rows)
        {std::pair("x_px", rows.x_px_size()), std::pair("y_px", rows.y_px_size())}) {
     if (static_cast<size_t>(size) == count * markers) continue;
     return absl::InvalidArgumentError(absl::StrCat("rows.", name, ": has ", size, " values, and ",
-                                                   count, " rows of ", markers,
-                                                   " markers have ", count * markers));
+                                                   count, " rows of ", markers, " markers have ",
+                                                   count * markers));
   }
   std::vector<Observation> result(count);
   for (size_t i = 0; i < count; ++i) {
@@ -118,8 +118,7 @@ void SetTriangulatedPoint(const TriangulatedPoint& point, v1::TriangulatedPoint*
 // steps runs at a time, so that nothing needs a lock. Lives until OnDone.
 class TriangulationStream final : public TriangulationReactor {
  public:
-  explicit TriangulationStream(TriangulationEnvironment* environment)
-      : environment_(*environment) {
+  explicit TriangulationStream(TriangulationEnvironment* environment) : environment_(*environment) {
     StartRead(&request_);
   }
 

@@ -53,9 +53,9 @@ absl::Status MonitorSettings::Read() {
       if (*mode != MonitorMode::kOff) modes_[rig] = *mode;
     }
   } catch (const std::exception& fault) {
-    return absl::DataLossError(absl::StrCat(
-        file_.string(), " is damaged: ", fault.what(),
-        "; restore it from a backup, or remove it: then no rig is monitored until it is asked for"));
+    return absl::DataLossError(absl::StrCat(file_.string(), " is damaged: ", fault.what(),
+                                            "; restore it from a backup, or remove it: then no rig "
+                                            "is monitored until it is asked for"));
   }
   return absl::OkStatus();
 }
@@ -82,8 +82,7 @@ absl::Status MonitorSettings::Set(const std::string& rig, MonitorMode mode) {
   if (!file_.empty()) {
     nlohmann::json rigs = nlohmann::json::object();
     for (const auto& [name, its_mode] : modes) rigs[name] = std::string(MonitorModeName(its_mode));
-    RIGCAL_RETURN_IF_ERROR(
-        ReplaceDurably(file_, nlohmann::json{{"rigs", rigs}}.dump(2) + "\n"));
+    RIGCAL_RETURN_IF_ERROR(ReplaceDurably(file_, nlohmann::json{{"rigs", rigs}}.dump(2) + "\n"));
   }
   modes_ = std::move(modes);
   return absl::OkStatus();

@@ -157,7 +157,7 @@ class RigLife : public ::testing::Test {
   }
 
   const TemporaryDirectory directory_;
-  ServerProcess server_{directory_.path()};
+  ServerProcess server_{directory_.path(), 0, {}, {"--log-level", "debug"}};
   ServerClient client_{server_.address()};
 };
 
@@ -384,7 +384,7 @@ TEST_F(RigLife, TheServersMonitorNamesAndRepairs) {
   ASSERT_EQ(Rigcal({"rig", "monitor", "rig", "repair"}).exit_code, 0);
   Record({.id = "again", .from_s = 40, .to_s = 50, .bumped = {"sim_2"}});
   ASSERT_TRUE(WaitFor([&] { return live().second.value("repair", "") == "REPAIR_STATE_ACTIVE"; }))
-      << live().second.dump(2);
+      << live().second.dump(2) << server_.process().StandardError();
   const std::string repaired = Active();
   EXPECT_NE(repaired, first);
   EXPECT_EQ(live().second["repair_id"], repaired);

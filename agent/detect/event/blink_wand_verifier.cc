@@ -29,11 +29,13 @@ constexpr double kCostScale = 2.5;
 constexpr double kMargin = 8;  // in cost, of a wand against another one
 constexpr double kCertain = 0.999;
 constexpr double kAmbiguousUs = 100'000;  // another wand that was seen is still there
+// A lamp may look like one for a moment of each of its periods.
+constexpr double kLampUs = 3000;
 // Of a wand that is followed: by which a marker's radius may differ from the last one, how many
 // times its gate another marker must be away, the least size of what may be another wand's marker
 // in terms of the largest, and how sure its labels must be.
 constexpr double kFollowedRadiusPx = 0.4, kFollowedRadiusShare = 0.08;
-constexpr double kApartGates = 2, kOtherShare = 0.3, kFollowedCertainty = 0.9;
+constexpr double kApartGates = 2, kOtherShare = 0.3, kPieceRadii = 1.5, kFollowedCertainty = 0.9;
 
 double Radius(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::pi); }
 
@@ -168,10 +170,7 @@ BlinkWand BlinkWandVerifier::Choose() {
     }
   }
   if (best.candidate->blobs.size() == 1) label_confidence = 1;
-  // Of another wand some markers may have grown together with this one's: of one that was seen just
-  // now, all but one.
-  const int most_others = ambiguous_us_ ? 0 : 1;
-  if (best.candidate->blobs.size() > 2 && OthersThan(best.candidate->blobs) > most_others) {
+  if (best.candidate->blobs.size() > 2 && IsBesideAnother(best.candidate->blobs)) {
     wand.outcome = DetectionOutcome::kAmbiguous;
     return wand;
   }
@@ -197,6 +196,18 @@ BlinkWand BlinkWandVerifier::Choose() {
   return wand;
 }
 
+bool BlinkWandVerifier::IsBesideAnother(absl::Span<const int> wand) {
+  // Of another wand some markers may have grown together with this one's: of one that was seen just
+  // now, all but one.
+  const int most_others = ambiguous_us_ ? 0 : 1;
+  const double now_us = times_us_.front();
+  if (OthersThan(wand) > most_others) {
+    return !alone_us_ || SinceUs(*alone_us_, now_us) > kLampUs;
+  }
+  alone_us_ = now_us;
+  return false;
+}
+
 int BlinkWandVerifier::OthersThan(absl::Span<const int> wand) const {
   double largest_px = 0;
   for (const int blob : wand) {
@@ -204,8 +215,15 @@ int BlinkWandVerifier::OthersThan(absl::Span<const int> wand) const {
   }
   int others = 0;
   for (size_t i = 0; i < blobs_.size(); ++i) {
-    const bool is_of_wand = std::find(wand.begin(), wand.end(), static_cast<int>(i)) != wand.end();
-    others += !is_of_wand && Radius(blobs_[i]) > kOtherShare * largest_px ? 1 : 0;
+    const Blob& other = blobs_[i];
+    if (Radius(other) <= kOtherShare * largest_px) continue;
+    // A piece of a marker that is there already is no other one.
+    const bool is_of_wand = std::any_of(wand.begin(), wand.end(), [&](int blob) {
+      if (blob < 0) return false;
+      const Blob& marker = blobs_[static_cast<size_t>(blob)];
+      return (marker.centre_px - other.centre_px).norm() < kPieceRadii * Radius(marker);
+    });
+    others += is_of_wand ? 0 : 1;
   }
   return others;
 }

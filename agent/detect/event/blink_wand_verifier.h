@@ -56,6 +56,7 @@ class BlinkWandVerifier {
   void ForgetTrack() {
     track_.Forget();
     ambiguous_us_.reset();
+    alone_us_.reset();
   }
 
  private:
@@ -70,6 +71,7 @@ class BlinkWandVerifier {
   BlinkWand Choose();
   // From two or more blobs where the track expects markers; kNoWand if there are none.
   BlinkWand Follow() const;
+  bool IsBesideAnother(absl::Span<const int> wand);
   // Blobs that are large enough to be another wand's markers.
   int OthersThan(absl::Span<const int> wand) const;
   // The one blob that can be this marker; -1: none or several.
@@ -88,6 +90,7 @@ class BlinkWandVerifier {
   std::vector<Evaluated> evaluated_;
   BlinkWandTrack track_;
   std::optional<double> ambiguous_us_;  // when another wand was seen last
+  std::optional<double> alone_us_;      // when a wand was seen without any other blobs
 };
 
 }  // namespace rigcal::agent

@@ -321,7 +321,8 @@ std::optional<Candidate> BestCandidate(const CauseInput& input, const Timeline& 
   for (size_t c = 0; c < input.trial.problem.cameras.size(); ++c) {
     // One that was taken apart already is not looked at again.
     if (std::ranges::count(input.trial.rig_camera, input.trial.rig_camera[c]) > 1) continue;
-    const std::optional<ChangePoint> change = ScanForMove(input.trial, timeline, static_cast<int>(c));
+    const std::optional<ChangePoint> change =
+        ScanForMove(input.trial, timeline, static_cast<int>(c));
     if (!change || change->gain < kMinScanGain) continue;
     if (!best || change->gain > best->change.gain) best = Candidate{c, *change};
   }
@@ -432,7 +433,8 @@ Repair TakeApart(const CauseInput& input, const Candidate& candidate) {
   if (!SolveParts(input.trial.bundle, candidate.camera, &repair.repaired.problem).ok()) {
     return repair;
   }
-  const std::vector<Sample> samples = SamplesOf(input.trial, timeline, static_cast<int>(candidate.camera));
+  const std::vector<Sample> samples =
+      SamplesOf(input.trial, timeline, static_cast<int>(candidate.camera));
   const ErrorChange change =
       CompareErrors(input.trial.problem, repair.repaired.problem)[candidate.camera];
   const Move move = MeasureMove(repair.repaired, candidate.camera);
@@ -456,7 +458,8 @@ Repair TakeApart(const CauseInput& input, const Candidate& candidate) {
             "%s by %s%.3f deg, which moved its "
             "image by %.1f px; its error is %.2f px, and %.2f px with a pose of its own from then "
             "on. Fix its mount and record again, or calibrate what was recorded after it moved",
-            timeline.Describe(candidate.change.time_ns), distance, angle_deg, move.image_px, change.before_px, change.after_px)},
+            timeline.Describe(candidate.change.time_ns), distance, angle_deg, move.image_px,
+            change.before_px, change.after_px)},
        change.gain_px()});
   repair.on_other = [candidate](const CauseInput& other) { return TakeApart(other, candidate); };
   return repair;

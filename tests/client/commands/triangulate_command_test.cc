@@ -144,9 +144,8 @@ TEST_F(TriangulateCommand, WritesTheSamePointsAsParquet) {
     EXPECT_NEAR(std::stod(fields[0]), time_s, 1e-6);
     EXPECT_EQ(fields[1], std::get<std::vector<std::string>>(table.columns[1])[count]);
     for (size_t c = 2; c < fields.size(); ++c) {
-      const double value =
-          c == 11 ? std::get<std::vector<int32_t>>(table.columns[c])[count]
-                  : std::get<std::vector<double>>(table.columns[c])[count];
+      const double value = c == 11 ? std::get<std::vector<int32_t>>(table.columns[c])[count]
+                                   : std::get<std::vector<double>>(table.columns[c])[count];
       // As the text is rounded: 7 decimals of metres, 3 of pixels, 3 digits of sigmas.
       const double rounded = c < 5 ? 5.1e-8 : c == 12 ? 5.1e-4 : 5.1e-3 * std::abs(value);
       EXPECT_NEAR(std::stod(fields[c]), value, rounded) << names[c];

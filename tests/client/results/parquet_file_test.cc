@@ -101,9 +101,9 @@ TEST(ParquetFile, ReadsBackByHyparquet) {
       "const text = (key, value) => typeof value === 'bigint' ? String(value) : value;\n"
       "console.log(JSON.stringify({ rows, notes }, text));\n");
   const std::filesystem::path file = folder.WriteFile("read.mjs", script);
-  const CommandResult result =
-      RunCommand({"/bin/sh", "-c", absl::StrCat("node ", file.string(), " ",
-                                            (folder.path() / "points.parquet").string())});
+  const CommandResult result = RunCommand(
+      {"/bin/sh", "-c",
+       absl::StrCat("node ", file.string(), " ", (folder.path() / "points.parquet").string())});
   ASSERT_EQ(result.exit_code, 0) << result.error;
   const auto json = nlohmann::json::parse(result.output);
   ASSERT_EQ(json.at("rows").size(), 1000u);

@@ -46,12 +46,20 @@ class RigMonitorTest : public RunnerFixture {
             .look =
                 [this](const server::SolveTask& task, const server::CalibrationHooks&) {
                   looks_.push_back(task.options);
-                  return server::CalibrationOutcome{look_, {}};
+                  server::CalibrationOutcome outcome{look_, {}};
+                  if (look_.ok() && task.options.from_s < moved_at_s_) {
+                    Finding finding;
+                    finding.kind = FindingKind::kCameraMoved;
+                    finding.camera = "c";
+                    outcome.result->findings.push_back(finding);
+                  }
+                  return outcome;
                 },
-            .show = [this](const std::string& rig, LiveMonitor shown) {
-              EXPECT_EQ(rig, "rig");
-              shown_ = std::move(shown);
-            }});
+            .show =
+                [this](const std::string& rig, LiveMonitor shown) {
+                  EXPECT_EQ(rig, "rig");
+                  shown_ = std::move(shown);
+                }});
     FinishByHand("first", kCameras);
     const auto first = runner().CreateCalibration({"first"}, {});
     ASSERT_THAT(first, IsOk());
@@ -118,6 +126,7 @@ class RigMonitorTest : public RunnerFixture {
   std::unique_ptr<server::MonitorSettings> settings_;
   std::unique_ptr<server::RigMonitor> monitor_;
   absl::StatusOr<CalibrationResult> look_ = RingResult();
+  double moved_at_s_ = -1;  // of the session: looks at rows of before see c move
   std::vector<CalibrationOptions> looks_;
   LiveMonitor shown_;
   std::string first_;
@@ -216,6 +225,7 @@ TEST_F(RigMonitorTest, ARepairIsOfWhatWasRecordedAfterTheMove) {
   Wave(19);
   ASSERT_EQ(CamerasWith(MonitorVerdict::kGood).size(), 4u);
   Turn("c");
+  moved_at_s_ = 19;
   Wave(12);
   ASSERT_THAT(CamerasWith(MonitorVerdict::kMoved), ElementsAre("c"));
   const double seen_s = 28;  // the look that has found it
@@ -233,6 +243,7 @@ TEST_F(RigMonitorTest, TooLittleAfterTheMoveIsNotRepaired) {
   BeginWave("wave");
   Wave(19);
   Turn("c");
+  moved_at_s_ = 19;
   Wave(10);
   ASSERT_THAT(CamerasWith(MonitorVerdict::kMoved), ElementsAre("c"));
   EndWave("wave");
@@ -240,6 +251,20 @@ TEST_F(RigMonitorTest, TooLittleAfterTheMoveIsNotRepaired) {
   EXPECT_EQ(shown_.repair, MonitorRepairState::kNotActive);
   EXPECT_THAT(shown_.repair_text, HasSubstr("too little was recorded after the move"));
   EXPECT_EQ(Active(), first_);
+}
+
+// A camera whose rows come late looks as if it had only just moved.
+TEST_F(RigMonitorTest, AllRowsTellWhetherItMovedWithinTheSession) {
+  Monitor(MonitorMode::kRepair);
+  BeginWave("wave");
+  Wave(19);
+  Turn("c");
+  Wave(10);
+  EndWave("wave");
+  monitor_->Step();
+  EXPECT_EQ(looks_.back().from_s, 0);
+  ASSERT_EQ(shown_.repair, MonitorRepairState::kSolving) << shown_.repair_text;
+  EXPECT_EQ(AwaitEnd(shown_.repair_id).options.from_s, 0);
 }
 
 TEST_F(RigMonitorTest, ARepairThatIsNotGoodStaysInactive) {

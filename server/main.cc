@@ -37,9 +37,11 @@
 #include "server/listen/listen_socket.h"
 #include "server/live/live_tracker.h"
 #include "server/metrics/metrics.h"
+#include "server/monitor/rig_monitor.h"
 #include "server/rpc/api_description.h"
 #include "server/rpc/rpc_server.h"
 #include "server/session/agent_registry.h"
+#include "server/session/monitor_settings.h"
 #include "server/store/factory/open_store.h"
 
 namespace rigcal::server {
@@ -243,6 +245,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
   const std::filesystem::path data_dir = config.data_dir;
   RIGCAL_ASSIGN_OR_RETURN(const auto registry,
                           AgentRegistry::Open({.file = data_dir / "agents.json"}));
+  RIGCAL_ASSIGN_OR_RETURN(const auto monitors, MonitorSettings::Open(data_dir / "monitors.json"));
   AuditLog audit(data_dir / "audit.jsonl");
   AgentDirectory directory({.max_connected_agents = limits.max_agents,
                             .max_cameras_per_agent = limits.max_cameras_per_agent});
@@ -276,18 +279,27 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
                  .send_window = limits.send_window_rows},
                 store.get(), find_context, report_progress, report_delivery);
   SolveTimes solves;
+  const SolveFunction solve =
+      SolveInWorker({.program = worker,
+                     .scratch_dir = config.data_dir,
+                     .max_memory_bytes = uint64_t{limits.calibration_memory_mb} << 20});
   RIGCAL_ASSIGN_OR_RETURN(
       const auto runner,
-      CalibrationRunner::Create(
-          {.max_queued = limits.max_queued_calibrations,
-           .max_observations = limits.max_calibration_observations,
-           .max_watches = limits.max_watches,
-           .software_version = std::string(wire::kSoftwareVersion)},
-          store.get(), coordinator.get(),
-          solves.Measured(
-              SolveInWorker({.program = worker,
-                             .scratch_dir = config.data_dir,
-                             .max_memory_bytes = uint64_t{limits.calibration_memory_mb} << 20}))));
+      CalibrationRunner::Create({.max_queued = limits.max_queued_calibrations,
+                                 .max_observations = limits.max_calibration_observations,
+                                 .max_watches = limits.max_watches,
+                                 .software_version = std::string(wire::kSoftwareVersion)},
+                                store.get(), coordinator.get(), solves.Measured(solve)));
+  RigMonitor monitor({.max_observations = limits.max_calibration_observations},
+                     {.store = store.get(),
+                      .coordinator = coordinator.get(),
+                      .runner = runner.get(),
+                      .settings = monitors.get(),
+                      .audit = &audit,
+                      .look = solve,
+                      .show = [&live](const std::string& rig, LiveMonitor state) {
+                        live.SetMonitor(rig, std::move(state));
+                      }});
   RIGCAL_ASSIGN_OR_RETURN(
       const auto web,
       WebServer::Open({.data_dir = config.data_dir,
@@ -307,13 +319,15 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
                                                .audit = &audit,
                                                .identities = web->authority(),
                                                .retention = &retention,
-                                               .live = &live});
+                                               .live = &live,
+                                               .monitors = monitors.get()});
 
   coordinator->Start();
   live.Start();
   estimates.Start();
   ingest.Start();
   runner->Start();
+  monitor.Start();
   retention.Start();
   RIGCAL_ASSIGN_OR_RETURN(const int port, rpc.Start());
   const std::unique_ptr<ApiGateway> gateway = rpc.MakeApiGateway();
@@ -353,6 +367,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
   rpc.Shutdown(std::chrono::seconds(2));
   ingest.Shutdown();
   estimates.Shutdown();
+  monitor.Shutdown();
   live.Shutdown();
   retention.Shutdown();
   runner->Shutdown();

@@ -10,9 +10,12 @@ jobs=$(nproc)
 
 "$root/deploy/install-deps.sh"
 cd "$root"
-# `buf lint` is one of the tests. Debian has no package of it; without network it is skipped.
-if ! command -v buf >/dev/null && [ ! -x build/npm/node_modules/.bin/buf ] && command -v npm >/dev/null; then
-  npm install --prefix build/npm --no-save --no-audit --no-fund --silent @bufbuild/buf@1.75.0 || true
+# `buf lint` is one of the tests, and so is the reading of Parquet files by code of others. Debian has
+# no packages of these; without network they are skipped.
+modules=build/npm/node_modules
+if [ ! -x $modules/.bin/buf ] || [ ! -d $modules/hyparquet ] && command -v npm >/dev/null; then
+  npm install --prefix build/npm --no-save --no-audit --no-fund --silent \
+    @bufbuild/buf@1.75.0 hyparquet@1.17.1 || true
 fi
 cmake --preset "$preset" -DRIGCAL_BUILD_TESTS=ON >/dev/null
 log=build/$preset/build.log

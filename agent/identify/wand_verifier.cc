@@ -212,8 +212,18 @@ bool WandVerifier::FitPose(const WandFinder& finder, int partial, VerifiedWand* 
     wand->centres[part].radius_px = radius;
     LoosenSight(radius, &sights[part]);
   }
-  return sights.size() < 2 ||
-         FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand->fit);
+  wand->px_per_m.clear();
+  wand->diameter_m = finder.fit_options().diameter_m;
+  if (sights.size() < 2) return true;
+  if (!FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand->fit)) {
+    return false;
+  }
+  for (size_t k = 0; k < sights.size(); ++k) {
+    const double share = finder.shares()[k];
+    const Eigen::Vector3d at = (1 - share) * wand->fit.first_m + share * wand->fit.last_m;
+    wand->px_per_m.push_back(sights[k].scale_px / at.norm());
+  }
+  return true;
 }
 
 Verdict WandVerifier::Choose() {

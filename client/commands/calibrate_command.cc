@@ -153,9 +153,11 @@ absl::Status CompleteOptions(const CalibrateOptions& options, ServerConnection& 
 }
 
 bool IsWhatIf(const v1::CalibrationOptions& options) {
+  // What was recorded after a camera moved is enough for its repair.
+  const bool part_of_time = options.kind() != v1::CalibrationOptions::KIND_REPAIR &&
+                            (options.from_s() > 0 || options.to_s() > 0);
   return options.what_if() || options.without_cameras_size() > 0 ||
-         options.without_sessions_size() > 0 || options.from_s() > 0 || options.to_s() > 0 ||
-         options.has_assumed_target();
+         options.without_sessions_size() > 0 || part_of_time || options.has_assumed_target();
 }
 
 // Against what it derives from, or what is active; silent where there is neither.

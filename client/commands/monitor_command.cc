@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/monitor_command.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -11,6 +12,8 @@
 #include "client/output/quantities.h"
 #include "client/tables/rig_table.h"
 #include "rigcal/v1/calibration_service.grpc.pb.h"
+#include "rigcal/v1/live_service.grpc.pb.h"
+#include "rigcal/v1/rig_service.grpc.pb.h"
 
 namespace rigcal::client {
 namespace {
@@ -86,6 +89,23 @@ std::string Conclusion(const MonitorOptions& options,
   return text;
 }
 
+// What the server's monitor says.
+ExitCode ShowMonitor(const MonitorOptions& options, ServerConnection& server,
+                     CommandContext& context) {
+  v1::GetLiveRequest request;
+  request.set_rig(options.rig);
+  const auto response = server.Call(&v1::LiveService::Stub::GetLive, request);
+  if (!response.ok()) return context.Fail(response.status());
+  const v1::LiveMonitor& monitor = response->live().monitor();
+  const ExitCode shown = context.Show(absl::StatusOr<v1::LiveMonitor>(monitor), FormatMonitor);
+  if (shown != ExitCode::kOk) return shown;
+  const bool moved =
+      monitor.all_moved() || std::ranges::any_of(monitor.cameras(), [](const auto& camera) {
+        return camera.verdict() == v1::LiveMonitoredCamera::VERDICT_MOVED;
+      });
+  return moved ? ExitCode::kCameraMoved : ExitCode::kOk;
+}
+
 ExitCode Repair(const MonitorOptions& options, const std::string& parent,
                 const std::vector<std::string>& moved, ServerConnection& server,
                 CommandContext& context) {
@@ -113,6 +133,7 @@ std::vector<std::string> SteppedClocks(const v1::CompareCalibrationsResponse& di
 
 ExitCode Monitor(const MonitorOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
+  if (options.session.empty()) return ShowMonitor(options, server, context);
   absl::StatusOr<std::string> against = options.against;
   if (options.against.empty()) against = ActiveCalibrationOf(server, options.rig);
   if (!against.ok()) return context.Fail(against.status());
@@ -131,6 +152,19 @@ ExitCode Monitor(const MonitorOptions& options, CommandContext& context) {
   if (moved.empty()) return ExitCode::kOk;
   return options.repair ? Repair(options, active->id(), moved, server, context)
                         : ExitCode::kCameraMoved;
+}
+
+ExitCode SetMonitorMode(const MonitorModeOptions& options, CommandContext& context) {
+  ServerConnection server(context.server);
+  if (options.mode.empty()) return ShowMonitor({.rig = options.rig}, server, context);
+  v1::SetRigMonitorRequest request;
+  request.set_name(options.rig);
+  request.set_mode(options.mode == "off"     ? v1::MONITOR_MODE_OFF
+                   : options.mode == "watch" ? v1::MONITOR_MODE_WATCH
+                                             : v1::MONITOR_MODE_REPAIR);
+  const auto response = server.Call(&v1::RigService::Stub::SetRigMonitor, request);
+  if (!response.ok()) return context.Fail(response.status());
+  return context.Show(absl::StatusOr<v1::Rig>(response->rig()), FormatRig);
 }
 
 }  // namespace rigcal::client

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/command_parser.h"
 #include "client/commands/monitor_command.h"
+#include "client/commands/origin_command.h"
 #include "client/commands/rig_command.h"
+#include "client/commands/scale_command.h"
 
 namespace rigcal::client {
 namespace {
@@ -19,8 +21,9 @@ void AddMonitor(CommandParser& parser) {
       "a session of a few seconds of waving",
       Monitor);
   AddArgument(app, "RIG", "The rig", &options->rig);
-  AddOption(app, "--session", "SESSION", &options->session, "A finished session of that rig")
-      ->required();
+  AddOption(app, "--session", "SESSION", &options->session,
+            "A finished session of that rig; without it what the server's own monitor says "
+            "(rigcal rig monitor)");
   AddOption(app, "--against", "ID", &options->against,
             "Calibration to compare with; without it the active one");
   app->add_flag("--auto", options->repair,
@@ -46,6 +49,18 @@ void AddRigCommands(CommandParser& parser) {
       group, "rollback", "Make the calibration active again that was so before", RollbackRig);
   AddArgument(rollback, "RIG", "Name of the rig", &rollback_options->id);
   AddReason(rollback, rollback_options);
+  AddOriginCommand(parser, group, /*rig=*/true);
+  AddScaleCommand(parser, group, /*rig=*/true);
+  auto [monitor, mode] = parser.AddCommand(
+      group, "monitor",
+      "Whether the server compares every session of a rig with its active calibration",
+      SetMonitorMode);
+  AddArgument(monitor, "RIG", "Name of the rig", &mode->rig);
+  monitor
+      ->add_option("MODE", mode->mode,
+                   "off; watch: say what has moved; repair: also solve it again after the session, "
+                   "and make the result active if it is good; without it what it says now")
+      ->check(CLI::IsMember({"off", "watch", "repair"}).description(""));
   AddMonitor(parser);
 }
 

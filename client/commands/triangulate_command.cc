@@ -2,11 +2,14 @@
 #include "client/commands/triangulate_command.h"
 
 #include <algorithm>
+#include <iostream>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/commands/command_parser.h"
 #include "client/commands/fetch_calibration.h"
+#include "client/commands/triangulate_stream.h"
 #include "client/output/output.h"
 #include "client/results/marker_rows.h"
 #include "client/results/triangulation_file.h"
@@ -36,12 +39,14 @@ absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandO
                           TriangulateRows(calibration, rows.cameras, triangulation_options));
   RIGCAL_RETURN_IF_ERROR(
       CheckConvention(calibration, rows.cameras, triangulation_options, triangulation));
-  const std::string csv =
-      TriangulationCsv(triangulation, MarkerLabels(calibration.target.given, marker_count));
+  const std::vector<std::string> labels = MarkerLabels(calibration.target.given, marker_count);
+  const std::string points = absl::EndsWith(options.output, ".parquet")
+                                 ? TriangulationParquet(triangulation, labels, options.calibration)
+                                 : TriangulationCsv(triangulation, labels);
   if (options.output == "-") {
-    context.console.out << csv << std::flush;
+    context.console.out << points << std::flush;
   } else {
-    RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.output, csv));
+    RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.output, points));
   }
   TriangulationSummary summary = Summarise(calibration, triangulation);
   summary.calibration = options.calibration;
@@ -52,6 +57,11 @@ absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandO
 }  // namespace
 
 ExitCode TriangulateData(const TriangulateCommandOptions& options, CommandContext& context) {
+  if (options.data == "-") {
+    if (options.output == "-") return TriangulateLines(options, std::cin, context);
+    return context.Fail(absl::InvalidArgumentError(
+        "points of rows that come on stdin go to stdout: --data - goes with --output -"));
+  }
   const absl::StatusOr<TriangulationSummary> summary = TriangulateFolder(options, context);
   // The points themselves have gone to stdout.
   if (summary.ok() && options.output == "-") return ExitCode::kOk;
@@ -69,10 +79,12 @@ void AddTriangulateCommand(CommandParser& parser) {
               &options->calibration);
   AddOption(app, "--data", "DIR", &options->data,
             "Folder with rows: <camera>.csv (time_ns;x0;y0;x1;y1;..., -1: not seen) for each "
-            "camera")
+            "camera; - for lines with the camera in front (camera;time_ns;x0;...) on stdin, which "
+            "the server triangulates as they come")
       ->required();
   AddOption(app, "--output", "FILE", &options->output,
-            "CSV to write: time_s, label, x_m, y_m, z_m, sigmas, covariances; - for stdout")
+            "File to write: time, label, x_m, y_m, z_m, sigmas, covariances; Apache Parquet if it "
+            "ends in .parquet, else CSV; - for CSV on stdout")
       ->required();
   AddOption(app, "--sigma-px", "PX", &options->triangulation.sigma_px,
             "One sigma of each coordinate of a centre, pixels; without it as the calibration's "

@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -97,6 +98,37 @@ class ServerConnection {
       return absl::DeadlineExceededError(status.error_message());
     }
     return Explain(status, timeout);
+  }
+
+  // A stream in both directions: messages of `next` out, until it returns false, from a thread of
+  // its own; what comes in to `each`, which returns false to end the stream early, which is OK.
+  template <typename Stub, typename Request, typename Message>
+  absl::Status Exchange(std::unique_ptr<grpc::ClientReaderWriter<Request, Message>> (Stub::*method)(
+                            grpc::ClientContext*),
+                        const std::function<bool(std::type_identity_t<Request>*)>& next,
+                        const std::function<bool(const std::type_identity_t<Message>&)>& each) {
+    if (!credentials_.ok()) return credentials_.status();
+    grpc::ClientContext context;
+    Stub stub(channel_);
+    const auto stream = (stub.*method)(&context);
+    std::thread writer([&] {
+      Request request;
+      while (next(&request)) {
+        if (!stream->Write(request)) return;
+      }
+      stream->WritesDone();
+    });
+    Message message;
+    bool ended_early = false;
+    while (stream->Read(&message)) {
+      if (ended_early || each(message)) continue;
+      ended_early = true;
+      context.TryCancel();
+    }
+    writer.join();
+    const grpc::Status status = stream->Finish();
+    if (status.ok() || ended_early) return absl::OkStatus();
+    return Explain(status, std::chrono::milliseconds(0));
   }
 
   // Asks the server's health service (grpc.health.v1) for the whole server: "SERVING",

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/results/triangulation_file.h"
 
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -11,6 +13,7 @@
 #include "client/output/output.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
+#include "client/results/parquet_file.h"
 #include "common/statistics/robust_statistics.h"
 
 namespace rigcal::client {
@@ -54,21 +57,59 @@ std::string MillimetresOf(double metres) { return FormatFixed(1000 * metres, 3);
 
 }  // namespace
 
+std::string TriangulationCsvHeader() {
+  return "time_s,label,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m,cov_xy_m2,cov_xz_m2,cov_yz_m2,"
+         "cameras,error_px\n";
+}
+
+std::string TriangulationCsvLine(const TriangulatedPoint& point, const std::string& label) {
+  const Eigen::Vector3d& at = point.position_m;
+  const Eigen::Matrix3d& covariance = point.covariance_m2;
+  const Eigen::Vector3d sigma = covariance.diagonal().cwiseSqrt();
+  return absl::StrFormat("%s,%s,%.7f,%.7f,%.7f,%.3g,%.3g,%.3g,%.4g,%.4g,%.4g,%d,%.3f\n",
+                         SecondsText(point.rig_time_ns), label, at.x(), at.y(), at.z(), sigma.x(),
+                         sigma.y(), sigma.z(), covariance(0, 1), covariance(0, 2), covariance(1, 2),
+                         point.views.size(), point.error_px);
+}
+
 std::string TriangulationCsv(const Triangulation& triangulation,
                              const std::vector<std::string>& labels) {
-  std::string csv =
-      "time_s,label,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m,cov_xy_m2,cov_xz_m2,cov_yz_m2,"
-      "cameras,error_px\n";
+  std::string csv = TriangulationCsvHeader();
+  for (const TriangulatedPoint& point : triangulation.points) {
+    absl::StrAppend(&csv, TriangulationCsvLine(point, labels[static_cast<size_t>(point.marker)]));
+  }
+  return csv;
+}
+
+std::string TriangulationParquet(const Triangulation& triangulation,
+                                 const std::vector<std::string>& labels,
+                                 const std::string& calibration) {
+  std::vector<int64_t> times_ns;
+  std::vector<std::string> point_labels;
+  std::vector<int32_t> cameras;
+  std::vector<double> errors_px;
+  std::array<std::vector<double>, 9> numbers;
   for (const TriangulatedPoint& point : triangulation.points) {
     const Eigen::Vector3d& at = point.position_m;
     const Eigen::Matrix3d& covariance = point.covariance_m2;
     const Eigen::Vector3d sigma = covariance.diagonal().cwiseSqrt();
-    absl::StrAppendFormat(&csv, "%s,%s,%.7f,%.7f,%.7f,%.3g,%.3g,%.3g,%.4g,%.4g,%.4g,%d,%.3f\n",
-                          SecondsText(point.rig_time_ns), labels[static_cast<size_t>(point.marker)],
-                          at.x(), at.y(), at.z(), sigma.x(), sigma.y(), sigma.z(), covariance(0, 1),
-                          covariance(0, 2), covariance(1, 2), point.views.size(), point.error_px);
+    times_ns.push_back(point.rig_time_ns);
+    point_labels.push_back(labels[static_cast<size_t>(point.marker)]);
+    const double values[] = {at.x(),           at.y(),           at.z(),
+                             sigma.x(),        sigma.y(),        sigma.z(),
+                             covariance(0, 1), covariance(0, 2), covariance(1, 2)};
+    for (size_t i = 0; i < numbers.size(); ++i) numbers[i].push_back(values[i]);
+    cameras.push_back(static_cast<int32_t>(point.views.size()));
+    errors_px.push_back(point.error_px);
   }
-  return csv;
+  constexpr const char* kNames[] = {"x_m",       "y_m",       "z_m",       "sigma_x_m", "sigma_y_m",
+                                    "sigma_z_m", "cov_xy_m2", "cov_xz_m2", "cov_yz_m2"};
+  std::vector<ParquetColumn> columns = {{"time_ns", std::move(times_ns)},
+                                        {"label", std::move(point_labels)}};
+  for (size_t i = 0; i < numbers.size(); ++i) columns.push_back({kNames[i], std::move(numbers[i])});
+  columns.push_back({"cameras", std::move(cameras)});
+  columns.push_back({"error_px", std::move(errors_px)});
+  return ParquetFile(columns, {{"calibration", calibration}, {"frame", "rig"}, {"time", "rig"}});
 }
 
 std::vector<std::string> MarkerLabels(const Target& target, size_t marker_count) {

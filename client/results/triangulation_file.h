@@ -15,6 +15,14 @@ namespace rigcal::client {
 // cov_xz_m2,cov_yz_m2,cameras,error_px`, in the rig frame and rig time. `rigcal evaluate` reads it.
 std::string TriangulationCsv(const Triangulation& triangulation,
                              const std::vector<std::string>& labels);
+std::string TriangulationCsvHeader();
+std::string TriangulationCsvLine(const TriangulatedPoint& point, const std::string& label);
+
+// The same as an Apache Parquet file, but for `time_ns`, an integer, in place of `time_s`: doubles as
+// they are, not rounded. `calibration` is noted in the file's metadata.
+std::string TriangulationParquet(const Triangulation& triangulation,
+                                 const std::vector<std::string>& labels,
+                                 const std::string& calibration);
 
 // Labels of the markers of a target: those of its points, else 0, 1, 2, ...
 std::vector<std::string> MarkerLabels(const Target& target, size_t marker_count);

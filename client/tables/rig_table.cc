@@ -13,6 +13,7 @@ namespace rigcal::client {
 namespace {
 
 constexpr double kMillimetres = 1000;
+constexpr double kMonitorDegrees = 57.29577951308232;
 
 std::string OrDash(const std::string& text) { return text.empty() ? "-" : text; }
 
@@ -30,6 +31,43 @@ const char* VerdictText(v1::CameraDifference::Verdict verdict) {
     case v1::CameraDifference::VERDICT_SAME:
       return "same";
     case v1::CameraDifference::VERDICT_MOVED:
+      return "MOVED";
+    default:
+      return "cannot tell";
+  }
+}
+
+std::string HowDerived(const v1::CalibrationOptions& options) {
+  switch (options.kind()) {
+    case v1::CalibrationOptions::KIND_REPAIR:
+      return absl::StrCat("repaired ", absl::StrJoin(options.only_cameras(), ", "));
+    case v1::CalibrationOptions::KIND_REFINE:
+      return "refined";
+    case v1::CalibrationOptions::KIND_ORIGIN:
+      return "new origin";
+    case v1::CalibrationOptions::KIND_SCALE:
+      return "new scale";
+    default:
+      return options.frame() == v1::CalibrationOptions::FRAME_UNSPECIFIED ? "compared" : "frame";
+  }
+}
+
+const char* MonitorModeText(v1::MonitorMode mode) {
+  switch (mode) {
+    case v1::MONITOR_MODE_WATCH:
+      return "watch";
+    case v1::MONITOR_MODE_REPAIR:
+      return "repair";
+    default:
+      return "off";
+  }
+}
+
+const char* MonitorVerdictText(v1::LiveMonitoredCamera::Verdict verdict) {
+  switch (verdict) {
+    case v1::LiveMonitoredCamera::VERDICT_GOOD:
+      return "still good";
+    case v1::LiveMonitoredCamera::VERDICT_MOVED:
       return "MOVED";
     default:
       return "cannot tell";
@@ -65,6 +103,46 @@ std::string FormatRig(const v1::Rig& rig) {
                     absl::StrJoin(rig.cameras(), ", "), "\n");
   }
   absl::StrAppend(&text, "calibrations       ", rig.calibration_count(), "\n");
+  absl::StrAppend(&text, "monitor            ", MonitorModeText(rig.monitor()), "\n");
+  return Printable(text);
+}
+
+std::string FormatMonitor(const v1::LiveMonitor& monitor) {
+  std::string text = absl::StrCat("monitor            ", MonitorModeText(monitor.mode()), "\n");
+  if (monitor.mode() != v1::MONITOR_MODE_WATCH && monitor.mode() != v1::MONITOR_MODE_REPAIR) {
+    return text;
+  }
+  absl::StrAppend(
+      &text, "against            ", OrDash(monitor.calibration_id()), "\nlast look          ",
+      monitor.has_time()
+          ? absl::StrCat(FormatTime(true, monitor.time()), ", session ", monitor.session_id())
+          : "none yet: wave",
+      "\n");
+  if (!monitor.problem().empty()) {
+    absl::StrAppend(&text, "cannot tell        ", monitor.problem(), "\n");
+  }
+  if (!monitor.repair_text().empty()) {
+    absl::StrAppend(&text, "repair             ", monitor.repair_text(), "\n");
+  }
+  TextTable table;
+  table.Words({"camera", "verdict", "since"})
+      .Numbers({"moved mm", "+-", "turned deg", "+-", "shift px", "sigmas", "clock ms", "+-"});
+  for (const v1::LiveMonitoredCamera& camera : monitor.cameras()) {
+    const bool known = camera.has_time();
+    const auto number = [known](double value, int digits) {
+      return known ? FormatFixed(value, digits) : std::string("-");
+    };
+    const bool clock = camera.clock_change_sigma_s() > 0;
+    table.AddRow(
+        {camera.camera(), MonitorVerdictText(camera.verdict()), FormatTime(known, camera.time()),
+         number(kMillimetres * camera.translation_m(), 2),
+         number(kMillimetres * camera.translation_sigma_m(), 2),
+         number(kMonitorDegrees * camera.rotation_rad(), 4),
+         number(kMonitorDegrees * camera.rotation_sigma_rad(), 4), number(camera.centre_px(), 2),
+         number(camera.sigmas(), 1), clock ? FormatFixed(1e3 * camera.clock_change_s(), 3) : "-",
+         clock ? FormatFixed(1e3 * camera.clock_change_sigma_s(), 3) : "-"});
+  }
+  if (!monitor.cameras().empty()) absl::StrAppend(&text, table.Format(2));
   return Printable(text);
 }
 
@@ -83,11 +161,8 @@ std::string FormatDerivation(const v1::Calibration& calibration) {
   std::string text;
   if (options.what_if()) text += "what-if            it can never become active\n";
   if (!options.parent_id().empty()) {
-    const char* const kind = options.kind() == v1::CalibrationOptions::KIND_REPAIR   ? "repaired "
-                             : options.kind() == v1::CalibrationOptions::KIND_REFINE ? "refined"
-                                                                                     : "compared";
-    absl::StrAppend(&text, "derived from       ", options.parent_id(), " (", kind,
-                    absl::StrJoin(options.only_cameras(), ", "), ")\n");
+    absl::StrAppend(&text, "derived from       ", options.parent_id(), " (", HowDerived(options),
+                    ")\n");
   }
   if (!calibration.held().empty()) {
     absl::StrAppend(&text, "held               ", absl::StrJoin(calibration.held(), ", "), "\n");

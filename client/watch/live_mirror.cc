@@ -30,6 +30,7 @@ bool LiveMirror::Merge(const v1::LiveState& answer) {
   if (answer.has_alerts()) *state_.mutable_alerts() = answer.alerts();
   if (answer.has_agents()) *state_.mutable_agents() = answer.agents();
   if (answer.has_goal()) *state_.mutable_goal() = answer.goal();
+  if (answer.has_monitor()) *state_.mutable_monitor() = answer.monitor();
   return true;
 }
 

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "client/output/console.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
@@ -119,6 +120,32 @@ std::string AlertKindOf(const v1::LiveState& live, const std::string& camera) {
   return "";
 }
 
+// How many cameras are where the active calibration has them; "" without a monitor.
+std::string MonitorText(const v1::LiveMonitor& monitor) {
+  if (monitor.mode() != v1::MONITOR_MODE_WATCH && monitor.mode() != v1::MONITOR_MODE_REPAIR) {
+    return "";
+  }
+  if (monitor.calibration_id().empty()) return "no active calibration";
+  size_t good = 0;
+  std::vector<std::string> moved, unknown;
+  for (const v1::LiveMonitoredCamera& camera : monitor.cameras()) {
+    good += camera.verdict() == v1::LiveMonitoredCamera::VERDICT_GOOD;
+    if (camera.verdict() == v1::LiveMonitoredCamera::VERDICT_MOVED)
+      moved.push_back(camera.camera());
+    if (camera.verdict() == v1::LiveMonitoredCamera::VERDICT_UNKNOWN) {
+      unknown.push_back(camera.camera());
+    }
+  }
+  std::string text = absl::StrCat(
+      good, " of ", FormatCount(static_cast<uint64_t>(monitor.cameras_size()), "camera"), " where ",
+      monitor.calibration_id(), " has them");
+  if (!moved.empty()) absl::StrAppend(&text, ", moved: ", absl::StrJoin(moved, ", "));
+  if (!unknown.empty() && unknown.size() < static_cast<size_t>(monitor.cameras_size())) {
+    absl::StrAppend(&text, ", cannot tell: ", absl::StrJoin(unknown, ", "));
+  }
+  return text;
+}
+
 // At most so many columns, taking each code point for one.
 std::string Clip(std::string_view text, size_t columns) {
   if (DisplayWidth(text) <= columns) return std::string(text);
@@ -206,6 +233,9 @@ std::vector<std::string> FormatLiveScreen(const v1::LiveState& live,
   for (const v1::LiveAdvice& advice : live.estimate().advice()) {
     screen.Add(absl::StrCat("    wave next: ", advice.text()));
   }
+  if (const std::string monitor = MonitorText(live.monitor()); !monitor.empty()) {
+    screen.Add(absl::StrCat("    monitor: ", monitor));
+  }
   screen.Add("");
   // Alerts come before the table: with many cameras the end is cut off.
   for (const v1::LiveAlert& alert : live.alerts().alerts()) {
@@ -248,6 +278,9 @@ std::string FormatLiveLine(const v1::LiveState& live) {
   }
   if (!live.estimate().advice().empty()) {
     absl::StrAppend(&line, "; wave next: ", live.estimate().advice(0).text());
+  }
+  if (const std::string monitor = MonitorText(live.monitor()); !monitor.empty()) {
+    absl::StrAppend(&line, "; monitor: ", monitor);
   }
   for (const v1::LiveAlert& alert : live.alerts().alerts()) {
     absl::StrAppend(&line, "; ", EnumWord(alert.severity()), " ", alert.kind(),

@@ -51,11 +51,13 @@ int64_t RowTimeNs(const CalibratedCamera& camera, const Observation& row) {
 }
 
 RowTimes SeenRowsOf(const CalibratedCamera& camera, const TriangulationTrack& track,
-                    double period_s) {
+                    double period_s, int64_t from_ns) {
   RowTimes seen{camera.camera, period_s, {}, {}};
   for (size_t i = 0; i < track.rows.size(); ++i) {
     if (track.rows[i].VisibleCount() == 0) continue;
-    seen.time_ns.push_back(RowTimeNs(camera, track.rows[i]));
+    const int64_t time_ns = RowTimeNs(camera, track.rows[i]);
+    if (time_ns < from_ns) continue;
+    seen.time_ns.push_back(time_ns);
     seen.row.push_back(static_cast<int>(i));
   }
   return seen;
@@ -100,13 +102,16 @@ class RowTriangulator {
     for (TriangulationTrack& track : tracks_) {
       const CalibratedCamera& camera = cameras_[static_cast<size_t>(track.camera)];
       const double period_s = MedianPeriodS(track.rows);
-      seen.push_back(SeenRowsOf(camera, track, period_s));
+      seen.push_back(SeenRowsOf(camera, track, period_s, options_.from_ns));
       for (size_t marker = 0; marker < marker_count_; ++marker) {
         track.markers.emplace_back(camera, track.rows, marker, period_s);
       }
     }
     memories_.resize(tracks_.size());
     for (const RowGroup& group : GroupRows(seen, options_.tolerance_s).groups) {
+      const auto [first, last] = std::ranges::minmax_element(group, {}, &RowMember::time_ns);
+      if (first->time_ns > options_.until_ns) continue;
+      triangulation_.last_row_ns = std::max(triangulation_.last_row_ns, last->time_ns);
       const int64_t time_ns = MeanTimeNs(group);
       for (size_t marker = 0; marker < marker_count_; ++marker) AddPoint(group, time_ns, marker);
     }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -32,6 +33,10 @@ struct TriangulationOptions {
   double diameter_m = 0;
   // Of the rows of one instant, seconds; 0: from the cameras' periods (row_groups.h).
   double tolerance_s = 0;
+  // Rig times. Rows before `from_ns` only say how the others move, and instants whose first row is
+  // after `until_ns` are left out.
+  int64_t from_ns = std::numeric_limits<int64_t>::min();
+  int64_t until_ns = std::numeric_limits<int64_t>::max();
 };
 
 struct TriangulatedPoint {
@@ -52,6 +57,8 @@ struct Triangulation {
   uint32_t alone_count = 0, no_ray_count = 0, disagree_count = 0;
   std::map<std::string, uint32_t>
       left_out;  // by camera: centres that did not agree with the others
+  // Rig time of the last row that is part of an instant.
+  int64_t last_row_ns = std::numeric_limits<int64_t>::min();
 };
 
 // Triangulates labelled rows of several cameras. Times go by the calibration's clocks (offset,

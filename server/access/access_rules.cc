@@ -23,6 +23,7 @@ constexpr AccessRule kAccessRules[] = {
     {"/rigcal.v1.CalibrationService/CompareCalibrations", kReaders},
     {"/rigcal.v1.CalibrationService/CreateCalibration", kOperators, true},
     {"/rigcal.v1.CalibrationService/DeleteCalibration", kOperators, true},
+    {"/rigcal.v1.CalibrationService/ExplainCalibration", kReaders},
     {"/rigcal.v1.CalibrationService/ExportCalibration", kReaders},
     {"/rigcal.v1.CalibrationService/GetAccuracy", kReaders},
     {"/rigcal.v1.CalibrationService/GetCalibration", kReaders},
@@ -52,6 +53,7 @@ constexpr AccessRule kAccessRules[] = {
     {"/rigcal.v1.RigService/ListActivations", kReaders},
     {"/rigcal.v1.RigService/ListRigs", kReaders},
     {"/rigcal.v1.RigService/RollbackRig", kOperators, true},
+    {"/rigcal.v1.RigService/SetRigMonitor", kOperators, true},
     {"/rigcal.v1.SessionService/CreateSession", kOperators, true},
     {"/rigcal.v1.SessionService/DeleteSession", kOperators, true},
     {"/rigcal.v1.SessionService/DiscardSession", kOperators, true},
@@ -63,6 +65,7 @@ constexpr AccessRule kAccessRules[] = {
     {"/rigcal.v1.SessionService/StopSession", kOperators, true},
     {"/rigcal.v1.SessionService/WatchSession", kReaders},
     {"/rigcal.v1.StatusService/GetStatus", kReaders},
+    {"/rigcal.v1.TriangulationService/Triangulate", kReaders},
 };
 
 }  // namespace

@@ -14,12 +14,15 @@ constexpr ApiRoute kApiRoutes[] = {
      "Version, load and health of the server"},
     {"GET", "/v1/live", "/rigcal.v1.LiveService/GetLive",
      "The rig while somebody waves, or what of it has changed since a revision"},
-    {"GET", "/v1/rigs", "/rigcal.v1.RigService/ListRigs", "All rigs, with their active calibration"},
+    {"GET", "/v1/rigs", "/rigcal.v1.RigService/ListRigs",
+     "All rigs, with their active calibration"},
     {"GET", "/v1/rigs/{name}", "/rigcal.v1.RigService/GetRig", "One rig"},
     {"GET", "/v1/rigs/{rig}/activations", "/rigcal.v1.RigService/ListActivations",
      "Which calibrations of a rig were active, newest first"},
     {"POST", "/v1/rigs/{name}:rollback", "/rigcal.v1.RigService/RollbackRig",
      "Makes the calibration before the active one active again"},
+    {"POST", "/v1/rigs/{name}:monitor", "/rigcal.v1.RigService/SetRigMonitor",
+     "Whether the server compares the sessions of a rig with its active calibration"},
     {"GET", "/v1/sessions", "/rigcal.v1.SessionService/ListSessions", "A page of the sessions"},
     {"POST", "/v1/sessions", "/rigcal.v1.SessionService/CreateSession", "Creates a session"},
     {"GET", "/v1/sessions/{id}", "/rigcal.v1.SessionService/GetSession", "One session"},
@@ -53,6 +56,8 @@ constexpr ApiRoute kApiRoutes[] = {
      "Expected error at given points"},
     {"GET", "/v1/calibrations/{id}/residuals", "/rigcal.v1.CalibrationService/GetResiduals",
      "Residual vectors over the image and their histogram, by camera"},
+    {"GET", "/v1/calibrations/{id}/information", "/rigcal.v1.CalibrationService/ExplainCalibration",
+     "Which sessions, spans of time and cameras hold which parameter"},
     {"GET", "/v1/calibrations/{id}/exports", "/rigcal.v1.CalibrationService/ListExports",
      "The formats in which a calibration can be exported"},
     {"GET", "/v1/calibrations/{id}/exports/{format}",
@@ -96,6 +101,7 @@ constexpr RpcWithoutRoute kRpcsWithoutRoute[] = {
      "gigabytes as packed columns, which JSON makes several times as large; gRPC streams them"},
     {"/rigcal.v1.SessionService/WatchSession",
      "a stream; poll GET /v1/live, which answers 304 while nothing has changed"},
+    {"/rigcal.v1.TriangulationService/Triangulate", "a stream in both directions"},
 };
 
 // "{id}:start" against "s-1:start" gives ("id", "s-1"). A value has no ':' of its own, so that a

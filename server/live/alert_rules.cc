@@ -181,6 +181,49 @@ std::vector<AlertCondition> CameraConditions(const CameraFacts& facts) {
   return conditions.Take();
 }
 
+std::vector<AlertCondition> MonitorConditions(const LiveMonitor& monitor) {
+  std::vector<AlertCondition> list;
+  if (monitor.mode == MonitorMode::kOff) return list;
+  // Looks come seconds apart and are no noise: what they say is shown at once.
+  const auto add = [&list](std::string_view kind, AlertSeverity severity, const std::string& camera,
+                           std::string text) {
+    list.push_back({.kind = kind,
+                    .severity = severity,
+                    .camera = camera,
+                    .text = std::move(text),
+                    .raise_after = milliseconds(0)});
+  };
+  if (monitor.all_moved) add("camera_moved", AlertSeverity::kWarning, "", monitor.problem);
+  for (const LiveMonitoredCamera& camera : monitor.cameras) {
+    if (camera.verdict == MonitorVerdict::kMoved) {
+      add("camera_moved", AlertSeverity::kWarning, camera.camera,
+          absl::StrFormat(
+              "%s has moved against calibration %s: %.2f mm and %.3f degrees, %.1f px at the "
+              "middle of the volume (%.0f sigma); %s",
+              camera.camera, monitor.calibration_id, 1e3 * camera.translation_m,
+              camera.rotation_rad * 180 / M_PI, camera.centre_px, camera.sigmas,
+              monitor.mode == MonitorMode::kRepair
+                  ? "it is repaired when the session has finished"
+                  : absl::StrCat("repair: rigcal calibrate ", monitor.session_id, " --only ",
+                                 camera.camera, " --activate")));
+    }
+    if (camera.clock_changed) {
+      add("clock_changed", AlertSeverity::kWarning, camera.camera,
+          absl::StrFormat("the clock of %s has moved by %+.2f ms (+- %.2f) against the others "
+                          "within the session (%+.0f ppm): it has stepped or drifts; look at "
+                          "NTP, PTP and triggers",
+                          camera.camera, 1e3 * camera.clock_change_s,
+                          1e3 * camera.clock_change_sigma_s, camera.clock_change_ppm));
+    }
+  }
+  if (monitor.repair == MonitorRepairState::kActive) {
+    add("repair", AlertSeverity::kInfo, "", monitor.repair_text);
+  } else if (monitor.repair == MonitorRepairState::kNotActive) {
+    add("repair", AlertSeverity::kWarning, "", monitor.repair_text);
+  }
+  return list;
+}
+
 std::vector<AlertCondition> RigConditions(const RigFacts& facts) {
   Conditions conditions("");
   if (!facts.store_problem.empty()) {

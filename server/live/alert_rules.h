@@ -14,10 +14,11 @@
 namespace rigcal::server {
 
 // Every kind of alert; docs/live.md explains them.
-inline constexpr std::array<std::string_view, 15> kAlertKinds = {
-    "agent_lost", "backlog_growing", "clock_jumped",       "clock_off",  "disk_low",
-    "dropping",   "estimate_failed", "implausible_labels", "lens_wrong", "no_data",
-    "no_wand",    "not_storing",     "rate_low",           "refused",    "two_wands"};
+inline constexpr std::array<std::string_view, 18> kAlertKinds = {
+    "agent_lost", "backlog_growing", "camera_moved",       "clock_changed", "clock_jumped",
+    "clock_off",  "disk_low",        "dropping",           "estimate_failed", "implausible_labels",
+    "lens_wrong", "no_data",         "no_wand",            "not_storing",   "rate_low",
+    "refused",    "repair",          "two_wands"};
 
 // What is known of a camera that takes part in a session that captures.
 struct CameraFacts {
@@ -60,5 +61,7 @@ struct RigFacts {
 // What should be said of the camera and of the rig now. Thresholds are in docs/live.md.
 std::vector<AlertCondition> CameraConditions(const CameraFacts& facts);
 std::vector<AlertCondition> RigConditions(const RigFacts& facts);
+// What the monitor has found. Of a rig that is not monitored: nothing.
+std::vector<AlertCondition> MonitorConditions(const LiveMonitor& monitor);
 
 }  // namespace rigcal::server

@@ -49,6 +49,7 @@ class FollowedRig {
   void SetEstimate(std::shared_ptr<const LiveEstimate> estimate) {
     estimate_ = std::move(estimate);
   }
+  void SetMonitor(std::shared_ptr<const LiveMonitor> monitor) { monitor_ = std::move(monitor); }
   // Rows, clock samples and reports of one stream of the session. The overlap is counted apart.
   void AddArrivals(const StreamKey& stream, const Arrivals& arrived, Time now, int64_t utc_ns);
   // Counts what cameras have seen at once. Call it after AddArrivals of all streams, which may
@@ -70,6 +71,8 @@ class FollowedRig {
   // All clocks of the session follow one.
   bool common_timebase() const { return common_timebase_; }
   const std::shared_ptr<const LiveEstimate>& estimate() const { return estimate_; }
+  // Null: the rig has not been monitored.
+  const std::shared_ptr<const LiveMonitor>& monitor() const { return monitor_; }
   // Null: the estimate has no such camera, or there is none.
   const LiveEstimatedCamera* FindEstimated(const std::string& camera) const;
   const std::vector<AgentRecord>& agents() const { return agents_; }
@@ -98,6 +101,7 @@ class FollowedRig {
   // By camera, with the clock epoch: of the row that took least to arrive.
   std::map<std::string, std::pair<uint32_t, int64_t>> arrival_offsets_ns_;
   std::shared_ptr<const LiveEstimate> estimate_;
+  std::shared_ptr<const LiveMonitor> monitor_;
   uint64_t late_count_ = 0;
   std::optional<Time> commit_time_;
   std::vector<AgentRecord> agents_;

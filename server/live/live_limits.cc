@@ -67,6 +67,12 @@ void LimitAgent(LiveAgent* agent) {
   Shorten(kMaxVersionBytes, &agent->software_version);
 }
 
+void LimitMonitor(LiveMonitor* monitor) {
+  Shorten(kMaxTextBytes, &monitor->problem);
+  Shorten(kMaxTextBytes, &monitor->repair_text);
+  Limit(OverlapCounter::kMaxCameras, &monitor->cameras);
+}
+
 void LimitAlertText(std::string* text) { Shorten(kMaxAlertBytes, text); }
 
 }  // namespace rigcal::server

@@ -12,6 +12,7 @@ namespace rigcal::server {
 // stay; a grid that does not fit goes as a whole, and the volume's figures stay.
 void LimitEstimate(LiveEstimate* estimate);
 void LimitAgent(LiveAgent* agent);
+void LimitMonitor(LiveMonitor* monitor);
 void LimitAlertText(std::string* text);
 
 }  // namespace rigcal::server

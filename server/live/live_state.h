@@ -12,6 +12,7 @@
 #include "common/camera/intrinsics.h"
 #include "common/geometry/rigid_transform.h"
 #include "common/session/session.h"
+#include "server/session/monitor_settings.h"
 
 namespace rigcal::server {
 
@@ -179,6 +180,41 @@ struct LiveGoal {
   friend bool operator==(const LiveGoal&, const LiveGoal&) = default;
 };
 
+// --- The monitor: made by whoever compares with the active calibration, shown by LiveTracker ---
+
+enum class MonitorVerdict : uint8_t { kUnknown = 1, kGood = 2, kMoved = 3 };
+
+struct LiveMonitoredCamera {
+  std::string camera;
+  MonitorVerdict verdict = MonitorVerdict::kUnknown;  // the last one that could be given
+  int64_t time_utc_ns = 0;                            // of that; 0: there was none yet
+  double translation_m = 0, translation_sigma_m = 0;  // as CameraDifference
+  double rotation_rad = 0, rotation_sigma_rad = 0;
+  double centre_px = 0, centre_sigma_px = 0;
+  double sigmas = 0;
+  double time_offset_s = 0, time_offset_sigma_s = 0;  // against the calibration; sigma 0: unknown
+  // Of its clock against the others within the session; sigma 0: unknown.
+  double clock_change_s = 0, clock_change_sigma_s = 0, clock_change_ppm = 0;
+  bool clock_changed = false;  // more than by chance
+  friend bool operator==(const LiveMonitoredCamera&, const LiveMonitoredCamera&) = default;
+};
+
+enum class MonitorRepairState : uint8_t { kNone = 1, kSolving = 2, kActive = 3, kNotActive = 4 };
+
+struct LiveMonitor {
+  MonitorMode mode = MonitorMode::kOff;
+  std::string calibration_id;               // the active one; empty: there is none
+  std::string session_id;                   // of the last look
+  int64_t time_utc_ns = 0;                  // of that; 0: there was none yet
+  std::string problem;                      // why the last look could not tell; empty: it could
+  bool all_moved = false;                   // which cameras kept their places cannot be told
+  std::vector<LiveMonitoredCamera> cameras;  // of the calibration, by name
+  MonitorRepairState repair = MonitorRepairState::kNone;  // the last one
+  std::string repair_id;                                  // its calibration
+  std::string repair_text;                                // what became of it
+  friend bool operator==(const LiveMonitor&, const LiveMonitor&) = default;
+};
+
 // A part of the state, and the revision at which it last changed.
 template <typename Part>
 struct Revised {
@@ -202,6 +238,7 @@ struct LiveSnapshot {
   Revised<std::vector<LiveAlert>> alerts;
   Revised<std::vector<LiveAgent>> agents;
   Revised<LiveGoal> goal;
+  Revised<LiveMonitor> monitor;
 };
 
 }  // namespace rigcal::server

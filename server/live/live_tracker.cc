@@ -116,6 +116,13 @@ void LiveTracker::SetEstimate(LiveEstimate estimate) {
   estimates_.insert_or_assign(shared->session_id, shared);
 }
 
+void LiveTracker::SetMonitor(const std::string& rig, LiveMonitor monitor) {
+  LimitMonitor(&monitor);
+  const std::lock_guard lock(mutex_);
+  if (monitors_.size() >= kMaxRigs && !monitors_.contains(rig)) return;
+  monitors_[rig] = std::make_shared<const LiveMonitor>(std::move(monitor));
+}
+
 std::string LiveTracker::IncarnationOf(std::string_view rig) const {
   // Another one for each rig, so that a revision of one says nothing of another.
   const uint64_t hash = std::hash<std::string_view>()(rig);
@@ -169,6 +176,7 @@ void LiveTracker::Update() {
   TakeArrivals(std::move(arrivals));
   TakeEarlier();
   TakeEstimates();
+  TakeMonitors();
   for (const auto& [name, rig] : rigs_) Publish(rig.get());
 }
 
@@ -297,6 +305,17 @@ void LiveTracker::TakeEstimates() {
     if (!rig->followed.session()) continue;
     const auto found = estimates.find(rig->followed.session()->id);
     if (found != estimates.end()) rig->followed.SetEstimate(found->second);
+  }
+}
+
+void LiveTracker::TakeMonitors() {
+  std::map<std::string, std::shared_ptr<const LiveMonitor>, std::less<>> monitors;
+  {
+    const std::lock_guard lock(mutex_);
+    monitors = monitors_;
+  }
+  for (const auto& [name, monitor] : monitors) {
+    if (Rig* const rig = FindOrAddRig(name); rig != nullptr) rig->followed.SetMonitor(monitor);
   }
 }
 

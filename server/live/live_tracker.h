@@ -68,6 +68,8 @@ class LiveTracker {
   void RecordDelivery(const Delivery& delivery, const AppendOutcome& outcome);
   // The running estimate of `estimate.session_id`. Shown while that is the session of its rig.
   void SetEstimate(LiveEstimate estimate);
+  // The monitor's state of a rig. Kept where the rig is not known yet.
+  void SetMonitor(const std::string& rig, LiveMonitor monitor);
 
   // The newest state of a rig; never null. A rig that nobody knows has an empty one.
   std::shared_ptr<const LiveSnapshot> Get(std::string_view rig) const;
@@ -95,6 +97,7 @@ class LiveTracker {
   void TakeArrivals(std::vector<std::pair<StreamKey, Arrivals>> arrivals);
   void TakeEarlier();
   void TakeEstimates();
+  void TakeMonitors();
   void Publish(Rig* rig);
   void StopAtGoal(Rig* rig, const LiveGoal& goal);
   std::shared_ptr<const LiveSnapshot> EmptyState(std::string_view rig) const;
@@ -124,6 +127,7 @@ class LiveTracker {
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<const LiveSnapshot>, std::less<>> published_;
   std::map<std::string, std::shared_ptr<const LiveEstimate>, std::less<>> estimates_;
+  std::map<std::string, std::shared_ptr<const LiveMonitor>, std::less<>> monitors_;  // by rig
   std::map<std::string, EarlierCounts, std::less<>> earlier_;  // by session, not yet taken
   std::condition_variable wake_;
   std::atomic<bool> stopping_ = false;

@@ -73,6 +73,11 @@ std::optional<double> ReferenceDelayS(const std::map<std::string, double>& delay
 std::vector<AlertCondition> ConditionsOf(const FollowedRig& rig, const StoreHealth& health,
                                          Time now, int64_t utc_ns) {
   std::vector<AlertCondition> conditions = RigConditions(FactsOf(rig, health));
+  if (rig.monitor()) {
+    for (AlertCondition& condition : MonitorConditions(*rig.monitor())) {
+      conditions.push_back(std::move(condition));
+    }
+  }
   if (!rig.capturing()) return conditions;
   const std::map<std::string, double> delays_s = ArrivalDelaysS(rig, now);
   const std::optional<double> reference_s =

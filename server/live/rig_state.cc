@@ -71,6 +71,7 @@ std::shared_ptr<const LiveSnapshot> RigState::Update(const FollowedRig& rig,
     state_.estimate = {rig.estimate(), revision};
     changed_ = true;
   }
+  if (rig.monitor()) Revise(*rig.monitor(), &state_.monitor);
   UpdateAlerts(rig, health);
   UpdateAgents(rig);
   UpdateGoal(rig);

@@ -26,6 +26,17 @@ static_assert(static_cast<int>(AlertSeverity::kInfo) == v1::LiveAlert::SEVERITY_
 static_assert(static_cast<int>(AlertSeverity::kWarning) == v1::LiveAlert::SEVERITY_WARNING);
 static_assert(static_cast<int>(AlertSeverity::kError) == v1::LiveAlert::SEVERITY_ERROR);
 
+static_assert(static_cast<int>(MonitorMode::kOff) == v1::MONITOR_MODE_OFF);
+static_assert(static_cast<int>(MonitorMode::kWatch) == v1::MONITOR_MODE_WATCH);
+static_assert(static_cast<int>(MonitorMode::kRepair) == v1::MONITOR_MODE_REPAIR);
+static_assert(static_cast<int>(MonitorVerdict::kUnknown) ==
+              v1::LiveMonitoredCamera::VERDICT_UNKNOWN);
+static_assert(static_cast<int>(MonitorVerdict::kGood) == v1::LiveMonitoredCamera::VERDICT_GOOD);
+static_assert(static_cast<int>(MonitorVerdict::kMoved) == v1::LiveMonitoredCamera::VERDICT_MOVED);
+static_assert(static_cast<int>(MonitorRepairState::kNone) == v1::LiveMonitor::REPAIR_STATE_NONE);
+static_assert(static_cast<int>(MonitorRepairState::kNotActive) ==
+              v1::LiveMonitor::REPAIR_STATE_NOT_ACTIVE);
+
 // Answers for one state that are kept: everybody polls, so almost all ask for the last few.
 constexpr size_t kMaxAnswers = 64;
 constexpr size_t kMaxRigs = 128;
@@ -167,6 +178,37 @@ void Fill(const LiveGoal& goal, v1::LiveGoal* proto) {
   proto->set_why_not(goal.why_not);
 }
 
+void Fill(const LiveMonitor& monitor, v1::LiveMonitor* proto) {
+  proto->set_mode(static_cast<v1::MonitorMode>(monitor.mode));
+  proto->set_calibration_id(monitor.calibration_id);
+  proto->set_session_id(monitor.session_id);
+  if (monitor.time_utc_ns != 0) *proto->mutable_time() = wire::ToTimestamp(monitor.time_utc_ns);
+  proto->set_problem(monitor.problem);
+  proto->set_all_moved(monitor.all_moved);
+  for (const LiveMonitoredCamera& camera : monitor.cameras) {
+    v1::LiveMonitoredCamera* const out = proto->add_cameras();
+    out->set_camera(camera.camera);
+    out->set_verdict(static_cast<v1::LiveMonitoredCamera::Verdict>(camera.verdict));
+    if (camera.time_utc_ns != 0) *out->mutable_time() = wire::ToTimestamp(camera.time_utc_ns);
+    out->set_translation_m(camera.translation_m);
+    out->set_translation_sigma_m(camera.translation_sigma_m);
+    out->set_rotation_rad(camera.rotation_rad);
+    out->set_rotation_sigma_rad(camera.rotation_sigma_rad);
+    out->set_centre_px(camera.centre_px);
+    out->set_centre_sigma_px(camera.centre_sigma_px);
+    out->set_sigmas(camera.sigmas);
+    out->set_time_offset_s(camera.time_offset_s);
+    out->set_time_offset_sigma_s(camera.time_offset_sigma_s);
+    out->set_clock_change_s(camera.clock_change_s);
+    out->set_clock_change_sigma_s(camera.clock_change_sigma_s);
+    out->set_clock_change_ppm(camera.clock_change_ppm);
+    out->set_clock_changed(camera.clock_changed);
+  }
+  proto->set_repair(static_cast<v1::LiveMonitor::RepairState>(monitor.repair));
+  proto->set_repair_id(monitor.repair_id);
+  proto->set_repair_text(monitor.repair_text);
+}
+
 // The revision of `state` that `text` names; none: it is not one of this rig and this server.
 std::optional<uint64_t> ReadRevision(const LiveSnapshot& state, std::string_view text) {
   if (text.size() <= state.incarnation.size() + 1 ||
@@ -218,6 +260,7 @@ v1::LiveState ToProto(const LiveSnapshot& state, const std::optional<uint64_t>& 
   if (is_new(state.alerts)) Fill(*state.alerts.value, proto.mutable_alerts());
   if (is_new(state.agents)) Fill(*state.agents.value, proto.mutable_agents());
   if (is_new(state.goal)) Fill(*state.goal.value, proto.mutable_goal());
+  if (is_new(state.monitor)) Fill(*state.monitor.value, proto.mutable_monitor());
   return proto;
 }
 

@@ -7,6 +7,7 @@
 #include "rigcal/v1/rig_service.grpc.pb.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/services.h"
+#include "server/session/monitor_settings.h"
 #include "server/session/rig_book.h"
 
 namespace rigcal::server {
@@ -24,13 +25,14 @@ void Describe(const RigState& state, v1::Rig* rig) {
 
 class RigService final : public v1::RigService::Service {
  public:
-  RigService(Store* store, CallSecurity* security) : book_(store), security_(*security) {}
+  RigService(const RpcServerParts& parts, CallSecurity* security)
+      : book_(parts.store), monitors_(parts.monitors), security_(*security) {}
 
   grpc::Status ListRigs(grpc::ServerContext*, const v1::ListRigsRequest*,
                         v1::ListRigsResponse* response) override {
     return GuardedCall("ListRigs", [&]() -> absl::Status {
       RIGCAL_ASSIGN_OR_RETURN(const std::vector<RigState> rigs, book_.ListRigs());
-      for (const RigState& rig : rigs) Describe(rig, response->add_rigs());
+      for (const RigState& rig : rigs) DescribeRig(rig, response->add_rigs());
       return absl::OkStatus();
     });
   }
@@ -39,7 +41,7 @@ class RigService final : public v1::RigService::Service {
                       v1::GetRigResponse* response) override {
     return GuardedCall("GetRig", [&]() -> absl::Status {
       RIGCAL_ASSIGN_OR_RETURN(const RigState rig, book_.GetRig(request->name()));
-      Describe(rig, response->mutable_rig());
+      DescribeRig(rig, response->mutable_rig());
       return absl::OkStatus();
     });
   }
@@ -68,6 +70,23 @@ class RigService final : public v1::RigService::Service {
     });
   }
 
+  grpc::Status SetRigMonitor(grpc::ServerContext*, const v1::SetRigMonitorRequest* request,
+                             v1::SetRigMonitorResponse* response) override {
+    return GuardedCall("SetRigMonitor", [&]() -> absl::Status {
+      if (monitors_ == nullptr) return absl::UnimplementedError("this server monitors no rigs");
+      if (!v1::MonitorMode_IsValid(request->mode()) ||
+          request->mode() == v1::MONITOR_MODE_UNSPECIFIED) {
+        return absl::InvalidArgumentError(
+            "mode: must be MONITOR_MODE_OFF, MONITOR_MODE_WATCH or MONITOR_MODE_REPAIR");
+      }
+      RIGCAL_ASSIGN_OR_RETURN(const RigState rig, book_.GetRig(request->name()));
+      RIGCAL_RETURN_IF_ERROR(
+          monitors_->Set(rig.summary.name, static_cast<MonitorMode>(request->mode())));
+      DescribeRig(rig, response->mutable_rig());
+      return absl::OkStatus();
+    });
+  }
+
   grpc::Status ListActivations(grpc::ServerContext*, const v1::ListActivationsRequest* request,
                                v1::ListActivationsResponse* response) override {
     return GuardedCall("ListActivations", [&]() -> absl::Status {
@@ -80,18 +99,25 @@ class RigService final : public v1::RigService::Service {
   }
 
  private:
+  void DescribeRig(const RigState& state, v1::Rig* rig) const {
+    Describe(state, rig);
+    const MonitorMode mode =
+        monitors_ == nullptr ? MonitorMode::kOff : monitors_->Of(state.summary.name);
+    rig->set_monitor(static_cast<v1::MonitorMode>(mode));
+  }
   std::string OperatorOf(const grpc::ServerContext& context) {
     return security_.CallerOf(context).OperatorName();
   }
 
   RigBook book_;
+  MonitorSettings* const monitors_;
   CallSecurity& security_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> MakeRigService(Store* store, CallSecurity* security) {
-  return std::make_unique<RigService>(store, security);
+std::unique_ptr<grpc::Service> MakeRigService(const RpcServerParts& parts, CallSecurity* security) {
+  return std::make_unique<RigService>(parts, security);
 }
 
 }  // namespace rigcal::server

@@ -30,9 +30,10 @@ constexpr std::chrono::milliseconds kLookInterval{2};
 constexpr std::chrono::milliseconds kFarewell{100};
 constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
-    "rigcal.v1.AgentService",       "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
-    "rigcal.v1.SessionService",     "rigcal.v1.CalibrationService", "rigcal.v1.LiveService",
-    "rigcal.v1.MaintenanceService", "rigcal.v1.RigService",         "rigcal.v1.StatusService"};
+    "rigcal.v1.AgentService",        "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
+    "rigcal.v1.SessionService",      "rigcal.v1.CalibrationService", "rigcal.v1.LiveService",
+    "rigcal.v1.MaintenanceService",  "rigcal.v1.RigService",         "rigcal.v1.StatusService",
+    "rigcal.v1.TriangulationService"};
 
 // Both plugins are global to the process and must be on before the first server is built; and so is
 // the log of gRPC, which goes to ours at level debug: what matters of it comes back as a status,
@@ -109,11 +110,12 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
   services_.push_back(MakeIdentityService(parts.identities));
   services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_, &security_));
-  services_.push_back(MakeRigService(parts.store, &security_));
+  services_.push_back(MakeRigService(parts, &security_));
   services_.push_back(MakeLiveService(&live_answers_));
   services_.push_back(MakeMaintenanceService(parts.store, &watches_));
   services_.push_back(MakeStatusService(parts, options_.ingest_queue_limit_bytes, UtcNowNs({}),
                                         &listener_, options_.listener.limits.total));
+  services_.push_back(MakeTriangulationService(parts.store));
 }
 
 RpcServer::~RpcServer() { Shutdown(std::chrono::milliseconds(1000)); }

@@ -20,6 +20,7 @@
 #include "server/session/agent_registry.h"
 #include "server/session/calibration_runner.h"
 #include "server/session/detector_broker.h"
+#include "server/session/monitor_settings.h"
 #include "server/session/preview_broker.h"
 #include "server/session/retention.h"
 #include "server/session/session_coordinator.h"
@@ -39,6 +40,7 @@ struct RpcServerParts {
   IdentityAuthority* identities = nullptr;  // null: this server listens on its own PC only
   const Retention* retention = nullptr;     // null: nothing is ever deleted
   const LiveTracker* live = nullptr;        // null: there is no live state
+  MonitorSettings* monitors = nullptr;      // null: no rig is monitored
 };
 
 // The services of rigcal.v1 for clients; each in the file of its name.
@@ -51,7 +53,7 @@ std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, W
                                                   ObservationReaders* readers);
 std::unique_ptr<grpc::Service> MakeCalibrationService(const RpcServerParts& parts,
                                                       WatchHub* watches, CallSecurity* security);
-std::unique_ptr<grpc::Service> MakeRigService(Store* store, CallSecurity* security);
+std::unique_ptr<grpc::Service> MakeRigService(const RpcServerParts& parts, CallSecurity* security);
 std::unique_ptr<grpc::Service> MakeLiveService(LiveAnswers* answers);
 std::unique_ptr<grpc::Service> MakeMaintenanceService(Store* store, WatchHub* watches);
 // It has started at `start_utc_ns`. At most `max_connections` are open on `listener`.
@@ -59,5 +61,6 @@ std::unique_ptr<grpc::Service> MakeStatusService(const RpcServerParts& parts,
                                                  size_t ingest_queue_limit_bytes,
                                                  int64_t start_utc_ns, Listener* listener,
                                                  size_t max_connections);
+std::unique_ptr<grpc::Service> MakeTriangulationService(Store* store);
 
 }  // namespace rigcal::server

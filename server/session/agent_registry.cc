@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/session/agent_registry.h"
 
-#include <fcntl.h>
 #include <openssl/sha.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -16,39 +12,12 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
+#include "server/session/durable_file.h"
 
 namespace rigcal::server {
 namespace {
 
 namespace fs = std::filesystem;
-
-absl::Status SyncFolder(const fs::path& folder) {
-  const int descriptor = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  const bool synced = descriptor >= 0 && fsync(descriptor) == 0;
-  const int error = errno;
-  if (descriptor >= 0) close(descriptor);
-  if (synced) return absl::OkStatus();
-  return absl::ErrnoToStatus(error, absl::StrCat("cannot sync ", folder.string()));
-}
-
-// A reader finds the old text or the new one, also after a power cut.
-absl::Status ReplaceRegistryFile(const fs::path& path, const std::string& text) {
-  const fs::path temporary = path.string() + ".new";
-  const int descriptor = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
-  const bool written =
-      descriptor >= 0 &&
-      write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size()) &&
-      fsync(descriptor) == 0;
-  const int error = errno;
-  if (descriptor >= 0) close(descriptor);
-  if (!written) {
-    return absl::ErrnoToStatus(error, absl::StrCat("cannot write ", temporary.string()));
-  }
-  if (std::rename(temporary.c_str(), path.c_str()) != 0) {
-    return absl::ErrnoToStatus(errno, absl::StrCat("cannot replace ", path.string()));
-  }
-  return SyncFolder(path.parent_path());
-}
 
 }  // namespace
 
@@ -192,7 +161,7 @@ absl::Status AgentRegistry::Save(Installations installations, Owners owners) {
       cameras.push_back({{"rig", camera.first}, {"camera", camera.second}, {"agent_id", agent_id}});
     }
     const nlohmann::ordered_json file = {{"agents", agents}, {"cameras", cameras}};
-    RIGCAL_RETURN_IF_ERROR(ReplaceRegistryFile(
+    RIGCAL_RETURN_IF_ERROR(ReplaceDurably(
         options_.file, file.dump(1, ' ', true, nlohmann::json::error_handler_t::replace) + "\n"));
   }
   installations_ = std::move(installations);

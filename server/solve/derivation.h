@@ -15,6 +15,10 @@
 
 namespace rigcal::server {
 
+// What a look at a rig solves, to be compared with its calibration (CompareRigs): a what-if with the
+// lenses of the calibration. An error of a lens moves both alike.
+CalibrationOptions LookOptions(const CalibrationResult& active);
+
 // Changes the input of a solve as its options ask: leaves out cameras, sessions and times, takes
 // the assumed target, and the intrinsics that are given or, of a repair or refinement, the
 // parent's.
@@ -32,7 +36,8 @@ absl::Status CheckOthersStayed(const CalibrationOptions& options, const Calibrat
                                const CalibrationResult& now);
 
 // Of a repair: the poses of the cameras that are not repaired, with their covariance for the
-// reference camera (ReferenceOf, as it is in the options) held fixed. Null for other kinds of solve.
+// reference camera (ReferenceOf, as it is in the options) held fixed, or, where the parent has a
+// frame of its own, as it is. Null for other kinds of solve.
 // FAILED_PRECONDITION: fewer than two cameras are held; the parent has no covariance or no scale.
 absl::StatusOr<std::shared_ptr<const HeldRig>> HeldRigOf(const CalibrationOptions& options,
                                                          const CalibrationResult* parent,

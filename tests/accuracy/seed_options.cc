@@ -22,7 +22,9 @@ Experiment SeedExperiment(const std::string& name, const std::string& summary,
                              "follow the target through time (line_delays, sparse)");
             options->AddFlag("--instants", &seeds->instants,
                              "do not follow it (line_delays, sparse)");
-            options->Add("--only", &seeds->only, "cases with this in their name (doctor, detection)");
+            options->Add("--only", &seeds->only,
+                         "cases with this in their name (doctor, detection, triangulate); of "
+                         "monitor: quiet, recording");
             return [seeds, run] { return run(*seeds); };
           }};
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -41,8 +42,98 @@ constexpr double kMaxMovePerError = 10;
 // left, then what is added to the translation.
 using PoseStep = Eigen::Matrix<double, 6, 1>;
 
+// The instants of all sessions in one order of time: each session behind the one before, whatever
+// its clocks show, which may have been started anew in between. Sessions follow each other by time
+// where none overlap, else by name.
+class Timeline {
+ public:
+  explicit Timeline(const CauseInput& input) {
+    const TrialProblem& trial = input.trial;
+    const std::vector<ClockCorrection>& clocks = input.evaluated.solution.clocks;
+    std::vector<std::string> session_of;
+    std::map<std::string, Span> spans;
+    for (size_t i = 0; i < trial.problem.instants.size(); ++i) {
+      const BundleObservation& first =
+          trial.problem.ObservationsOf(trial.problem.instants[i]).front();
+      const std::string& session = clocks[static_cast<size_t>(first.clock)].session_id;
+      const auto [span, inserted] =
+          spans.try_emplace(session, Span{trial.instant_time_ns[i], trial.instant_time_ns[i]});
+      span->second.first_ns = std::min(span->second.first_ns, trial.instant_time_ns[i]);
+      span->second.last_ns = std::max(span->second.last_ns, trial.instant_time_ns[i]);
+      session_of.push_back(session);
+    }
+    for (const auto& [session, span] : spans) sessions_.push_back({session, span, 0});
+    if (!Overlap()) std::ranges::sort(sessions_, {}, [](const Part& p) { return p.span.first_ns; });
+    int64_t next_ns = 0;
+    std::map<std::string, int64_t> shifts_ns;
+    for (Part& part : sessions_) {
+      part.begin_ns = next_ns;
+      shifts_ns[part.session] = next_ns - part.span.first_ns;
+      next_ns += part.span.last_ns - part.span.first_ns + kBetweenSessionsNs;
+    }
+    for (size_t i = 0; i < session_of.size(); ++i) {
+      time_ns_.push_back(trial.instant_time_ns[i] + shifts_ns[session_of[i]]);
+    }
+  }
+
+  int64_t TimeNs(size_t instant) const { return time_ns_[instant]; }
+  // Where sessions after the first begin.
+  std::vector<int64_t> BeginsNs() const {
+    std::vector<int64_t> begins;
+    for (size_t s = 1; s < sessions_.size(); ++s) begins.push_back(sessions_[s].begin_ns);
+    return begins;
+  }
+  // A change as near to the begin of a session as it can be told is a change between sessions.
+  int64_t Snapped(int64_t change_ns) const {
+    for (const int64_t begin_ns : BeginsNs()) {
+      if (std::abs(change_ns - begin_ns) < kBetweenSessionsNs) return begin_ns;
+    }
+    return change_ns;
+  }
+  // "it moved 12.0 s after the first wand view".
+  std::string Describe(int64_t change_ns) const {
+    size_t s = 0;
+    while (s + 1 < sessions_.size() && sessions_[s + 1].begin_ns <= change_ns) ++s;
+    const Part& part = sessions_[s];
+    if (s > 0 && change_ns == part.begin_ns) {
+      return absl::StrFormat("it moved between session %s and session %s,",
+                             sessions_[s - 1].session, part.session);
+    }
+    const double time_s = 1e-9 * static_cast<double>(change_ns - part.begin_ns);
+    return sessions_.size() == 1
+               ? absl::StrFormat("it moved %.1f s after the first wand view", time_s)
+               : absl::StrFormat("it moved %.1f s after the first wand view of session %s", time_s,
+                                 part.session);
+  }
+
+ private:
+  static constexpr int64_t kBetweenSessionsNs = 1'000'000'000;
+  struct Span {
+    int64_t first_ns = 0, last_ns = 0;
+  };
+  struct Part {
+    std::string session;
+    Span span;
+    int64_t begin_ns = 0;
+  };
+
+  bool Overlap() const {
+    for (const Part& a : sessions_) {
+      for (const Part& b : sessions_) {
+        if (&a != &b && a.span.first_ns <= b.span.last_ns && b.span.first_ns <= a.span.last_ns) {
+          return true;
+        }
+      }
+    }
+    return false;
+  }
+
+  std::vector<Part> sessions_;    // in their order
+  std::vector<int64_t> time_ns_;  // by instant of the trial
+};
+
 struct ChangePoint {
-  int64_t rig_time_ns = 0;  // before the first instant of the second part
+  int64_t time_ns = 0;  // of the timeline, before the first instant of the second part
   PoseStep before = PoseStep::Zero();
   PoseStep after = PoseStep::Zero();
   // Share of the camera's residuals (sum of norms, each at most 60 px) that two poses instead of
@@ -56,7 +147,7 @@ struct Sample {
   Eigen::Matrix<double, 2, 6> jacobian;
 };
 
-std::vector<Sample> SamplesOf(const TrialProblem& trial, int camera) {
+std::vector<Sample> SamplesOf(const TrialProblem& trial, const Timeline& timeline, int camera) {
   const BundleProblem& problem = trial.problem;
   const BundleCamera& solved = problem.cameras[static_cast<size_t>(camera)];
   std::vector<Sample> samples;
@@ -73,7 +164,7 @@ std::vector<Sample> SamplesOf(const TrialProblem& trial, int camera) {
                  rotated + solved.cam_from_rig.translation_m, &pixel, &d_point, nullptr)) {
       return;
     }
-    Sample sample = {trial.instant_time_ns[i], *residual, {}};
+    Sample sample = {timeline.TimeNs(i), *residual, {}};
     Eigen::Matrix3d cross;
     cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(), rotated.x(),
         0;
@@ -128,8 +219,9 @@ Fit FitStep(const std::vector<Sample>& samples, size_t begin, size_t end) {
 // The time at which a camera's residuals are best explained by its having moved: two pose steps,
 // each linear and by least absolute errors, over a scan of times. Outliers take part, a camera that
 // has moved far being nothing but outliers. None with too few markers.
-std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, int camera) {
-  const std::vector<Sample> samples = SamplesOf(trial, camera);
+std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const Timeline& timeline,
+                                       int camera) {
+  const std::vector<Sample> samples = SamplesOf(trial, timeline, camera);
   const size_t count = samples.size();
   if (count < 4 * kMinMarkersOfPart) return std::nullopt;
   const double cost_of_one = FitStep(samples, 0, count).cost;
@@ -149,6 +241,10 @@ std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, int camera) {
   };
   const size_t stride = std::max<size_t>(1, count / kCoarseSteps);
   for (size_t split = stride; split < count; split += stride) look(split);
+  for (const int64_t begin_ns : timeline.BeginsNs()) {
+    const auto first = std::ranges::lower_bound(samples, begin_ns, {}, &Sample::time_ns);
+    look(static_cast<size_t>(first - samples.begin()));
+  }
   // Halving towards the best.
   for (size_t fine = stride / 2, step = 0; best && fine > 0 && step < kFineSteps;
        fine /= 2, ++step) {
@@ -156,6 +252,7 @@ std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, int camera) {
     if (around > fine) look(around - fine);
     look(around + fine);
   }
+  if (best) best->time_ns = timeline.Snapped(best->time_ns);
   return best;
 }
 
@@ -219,12 +316,13 @@ struct Candidate {
 };
 
 // The camera whose residuals gain most in all.
-std::optional<Candidate> BestCandidate(const CauseInput& input) {
+std::optional<Candidate> BestCandidate(const CauseInput& input, const Timeline& timeline) {
   std::optional<Candidate> best;
   for (size_t c = 0; c < input.trial.problem.cameras.size(); ++c) {
     // One that was taken apart already is not looked at again.
     if (std::ranges::count(input.trial.rig_camera, input.trial.rig_camera[c]) > 1) continue;
-    const std::optional<ChangePoint> change = ScanForMove(input.trial, static_cast<int>(c));
+    const std::optional<ChangePoint> change =
+        ScanForMove(input.trial, timeline, static_cast<int>(c));
     if (!change || change->gain < kMinScanGain) continue;
     if (!best || change->gain > best->change.gain) best = Candidate{c, *change};
   }
@@ -243,7 +341,8 @@ RigidTransform Moved(const RigidTransform& pose, const PoseStep& step) {
 }
 
 // The camera's observations from the change on belong to a camera of their own.
-TrialProblem TakenApart(const TrialProblem& from, const Candidate& candidate) {
+TrialProblem TakenApart(const TrialProblem& from, const Timeline& timeline,
+                        const Candidate& candidate) {
   TrialProblem trial = from;
   BundleProblem& problem = trial.problem;
   BundleCamera after = problem.cameras[candidate.camera];
@@ -263,7 +362,7 @@ TrialProblem TakenApart(const TrialProblem& from, const Candidate& candidate) {
   problem.cameras.push_back(after);
   trial.rig_camera.push_back(from.rig_camera[candidate.camera]);
   for (size_t i = 0; i < problem.instants.size(); ++i) {
-    if (trial.instant_time_ns[i] < candidate.change.rig_time_ns) continue;
+    if (timeline.TimeNs(i) < candidate.change.time_ns) continue;
     const BundleInstant& instant = problem.instants[i];
     for (BundleObservation& observation : problem.ObservationsOf(instant)) {
       if (observation.camera == static_cast<int>(candidate.camera)) observation.camera = part;
@@ -328,12 +427,14 @@ Move MeasureMove(const TrialProblem& trial, size_t camera) {
 }
 
 Repair TakeApart(const CauseInput& input, const Candidate& candidate) {
+  const Timeline timeline(input);
   Repair repair;
-  repair.repaired = TakenApart(input.trial, candidate);
+  repair.repaired = TakenApart(input.trial, timeline, candidate);
   if (!SolveParts(input.trial.bundle, candidate.camera, &repair.repaired.problem).ok()) {
     return repair;
   }
-  const std::vector<Sample> samples = SamplesOf(input.trial, static_cast<int>(candidate.camera));
+  const std::vector<Sample> samples =
+      SamplesOf(input.trial, timeline, static_cast<int>(candidate.camera));
   const ErrorChange change =
       CompareErrors(input.trial.problem, repair.repaired.problem)[candidate.camera];
   const Move move = MeasureMove(repair.repaired, candidate.camera);
@@ -342,12 +443,9 @@ Repair TakeApart(const CauseInput& input, const Candidate& candidate) {
   }
   // A pose that little data hold runs away from where the camera is: an image that really moved so
   // far would not fit so well with one pose.
-  if (move.image_px > kMaxMovePerError * LargestErrorPx(samples, candidate.change.rig_time_ns)) {
+  if (move.image_px > kMaxMovePerError * LargestErrorPx(samples, candidate.change.time_ns)) {
     return repair;
   }
-  const double time_s =
-      1e-9 * static_cast<double>(candidate.change.rig_time_ns -
-                                 input.evaluated.solution.built.instant_time_ns.front());
   const bool metric =
       !input.trial.problem.distance || input.evaluated.options.known_distance.has_value();
   const std::string distance =
@@ -357,10 +455,11 @@ Repair TakeApart(const CauseInput& input, const Candidate& candidate) {
       {{FindingKind::kCameraMoved, input.trial.problem.cameras[candidate.camera].name,
         move.image_px, "px",
         absl::StrFormat(
-            "it moved %.1f s after the first wand view by %s%.3f deg, which moved its "
+            "%s by %s%.3f deg, which moved its "
             "image by %.1f px; its error is %.2f px, and %.2f px with a pose of its own from then "
             "on. Fix its mount and record again, or calibrate what was recorded after it moved",
-            time_s, distance, angle_deg, move.image_px, change.before_px, change.after_px)},
+            timeline.Describe(candidate.change.time_ns), distance, angle_deg, move.image_px,
+            change.before_px, change.after_px)},
        change.gain_px()});
   repair.on_other = [candidate](const CauseInput& other) { return TakeApart(other, candidate); };
   return repair;
@@ -369,10 +468,12 @@ Repair TakeApart(const CauseInput& input, const Candidate& candidate) {
 }  // namespace
 
 Repair RepairMovedCamera(const CauseInput& input) {
-  const std::optional<Candidate> candidate = BestCandidate(input);
+  const Timeline timeline(input);
+  const std::optional<Candidate> candidate = BestCandidate(input, timeline);
   if (!candidate) return {};
-  const std::vector<Sample> samples = SamplesOf(input.trial, static_cast<int>(candidate->camera));
-  if (!HoldsForOtherTimes(samples, candidate->change.rig_time_ns)) return {};
+  const std::vector<Sample> samples =
+      SamplesOf(input.trial, timeline, static_cast<int>(candidate->camera));
+  if (!HoldsForOtherTimes(samples, candidate->change.time_ns)) return {};
   return TakeApart(input, *candidate);
 }
 

@@ -41,7 +41,7 @@ CareProgress PartOf(const CareProgress& progress, double from, double to) {
 std::vector<fs::path> SmallFiles(const fs::path& data_directory) {
   std::vector<fs::path> files;
   std::error_code error;
-  for (const char* name : {"agents.json", "audit.jsonl"}) {
+  for (const char* name : {"agents.json", "monitors.json", "audit.jsonl"}) {
     if (fs::exists(data_directory / name, error)) files.emplace_back(name);
   }
   for (fs::directory_iterator entry(data_directory / "identity", error), end;

@@ -99,7 +99,7 @@ absl::Status FillFolder(const fs::path& file, const fs::path& old_folder, const 
   RIGCAL_RETURN_IF_ERROR(CopyDatabaseFile(file, folder));
   RIGCAL_RETURN_IF_ERROR(UnpackSmallFiles(folder));
   std::error_code error;
-  for (const char* name : {"identity", "agents.json", "audit.jsonl"}) {
+  for (const char* name : {"identity", "agents.json", "monitors.json", "audit.jsonl"}) {
     if (fs::exists(folder / name, error) || !fs::exists(old_folder / name, error)) continue;
     fs::copy(old_folder / name, folder / name, fs::copy_options::recursive, error);
     if (error) return FolderError("copying from", old_folder / name, error);

@@ -4,13 +4,16 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "tests/accuracy/rig/statistics.h"
 #include "tests/accuracy/seed_options.h"
 #include "tests/accuracy/seed_runs.h"
 #include "tests/accuracy/solver/monitor_experiment.h"
+#include "tests/accuracy/solver/recording.h"
 #include "tests/accuracy/solver/solver_experiments.h"
 
 namespace rigcal::accuracy {
@@ -19,9 +22,9 @@ namespace {
 constexpr double kMm = 1000;
 
 void PrintBump(const char* name, const std::vector<MonitorTrial>& trials,
-               BumpOutcome MonitorTrial::*which) {
+               BumpOutcome MonitorTrial::*which, double full_s) {
   int runs = 0, found = 0, others = 0, repaired = 0, good = 0;
-  std::vector<double> sigmas, repaired_m, full_m;
+  std::vector<double> sigmas, repaired_m, same_m, full_m;
   double others_moved_m = 0;
   for (const MonitorTrial& trial : trials) {
     if (!trial.status.ok()) continue;
@@ -34,6 +37,7 @@ void PrintBump(const char* name, const std::vector<MonitorTrial>& trials,
     ++repaired;
     good += bump.good ? 1 : 0;
     repaired_m.push_back(bump.repaired_error_m);
+    same_m.push_back(bump.same_rows_error_m);
     full_m.push_back(bump.full_error_m);
     others_moved_m = std::max(others_moved_m, bump.others_moved_m);
   }
@@ -43,16 +47,65 @@ void PrintBump(const char* name, const std::vector<MonitorTrial>& trials,
              found, runs, others, sigmas.front(), sigmas[sigmas.size() / 2]);
   if (repaired == 0) return;
   fmt::print(
-      "{:18} repaired {}, good {}; error {:.3f} mm rms, of a full calibration {:.3f} mm ({:.2f} "
-      "times); others changed by {:.1e} mm at most\n",
-      "", repaired, good, kMm * RootMeanSquare(repaired_m), kMm * RootMeanSquare(full_m),
+      "{:18} repaired {}, good {}; error {:.3f} mm rms; of a full calibration {:.3f} mm from the "
+      "same "
+      "rows ({:.2f} times), {:.3f} mm from {} s ({:.2f} times); others changed by {:.1e} mm at "
+      "most\n",
+      "", repaired, good, kMm * RootMeanSquare(repaired_m), kMm * RootMeanSquare(same_m),
+      RootMeanSquare(repaired_m) / RootMeanSquare(same_m), kMm * RootMeanSquare(full_m), full_s,
       RootMeanSquare(repaired_m) / RootMeanSquare(full_m), kMm * others_moved_m);
 }
 
+// The real recording in two halves, each camera turned in turn.
+int RunRecording() {
+  const absl::StatusOr<server::CalibrationInput> recording = WandRecording();
+  if (!recording.ok()) {
+    fmt::print(stderr, "{}\n", recording.status().ToString());
+    return 1;
+  }
+  constexpr double kDegrees = 180 / M_PI;
+  const Eigen::Vector3d turn_rad = 0.1 / kDegrees * Eigen::Vector3d(1, 1, 0.3).normalized();
+  fmt::print(
+      "the real recording in two halves, one camera's rows turned by 0.1 degrees about its centre "
+      "in "
+      "the second\n{:10} {:>12} {:>12} {:>7} {:>16} {:>9} {:>18} {:>6} {:>14} {:>6} {:>10}\n",
+      "camera", "quiet", "named", "sigmas", "turned, deg", "repair", "turned, deg", "sigmas",
+      "centre, mm", "sigmas", "others, mm");
+  for (size_t camera = 0; camera < recording->tracks.size(); ++camera) {
+    const RecordingTrial trial = RunRecordingTrial(*recording, camera, turn_rad);
+    if (!trial.status.ok()) {
+      fmt::print("{}: {}\n", camera, trial.status.ToString());
+      continue;
+    }
+    const server::CameraDifference &found = trial.found, &back = trial.back;
+    fmt::print("{:10} {:>12} {:>12} {:7.1f} {:8.4f}+-{:.4f}", trial.camera,
+               trial.quiet_problem.empty()
+                   ? absl::StrCat("[", absl::StrJoin(trial.quiet_moved, ","), "]")
+                   : "cannot tell",
+               trial.problem.empty() ? absl::StrJoin(trial.moved, ",") : "cannot tell",
+               found.sigmas, kDegrees * found.rotation_rad, kDegrees * found.rotation_sigma_rad);
+    if (!trial.repaired) {
+      fmt::print(" not repaired: {}\n", trial.repair_problem);
+      continue;
+    }
+    fmt::print(" {:>9} {:10.4f}+-{:.4f} {:6.1f} {:7.2f}+-{:.2f} {:6.1f} {:10.1e}\n",
+               trial.grade == QualityGrade::kGood     ? "good"
+               : trial.grade == QualityGrade::kUsable ? "usable"
+                                                      : "bad",
+               kDegrees * back.rotation_rad, kDegrees * back.rotation_sigma_rad,
+               std::abs(back.rotation_rad - turn_rad.norm()) / back.rotation_sigma_rad,
+               kMm * back.translation_m, kMm * back.translation_sigma_m,
+               back.translation_m / back.translation_sigma_m, kMm * trial.others_moved_m);
+  }
+  return 0;
+}
+
 int RunMonitor(const SeedOptions& seeds) {
+  if (seeds.only == "recording") return RunRecording();
   MonitorOptions options;
   options.camera_count = seeds.camera_count;
   options.duration_s = seeds.duration_s;
+  options.bumps = seeds.only != "quiet";
   const auto trials = RunAll<MonitorTrial>(seeds.count, seeds.threads, [&](int i) {
     const MonitorTrial trial = RunMonitorTrial(options, static_cast<uint32_t>(seeds.first + i));
     if (seeds.verbose) {
@@ -79,8 +132,9 @@ int RunMonitor(const SeedOptions& seeds) {
   fmt::print("{} cameras, calibrated in {} s, looked at for {} s at 25 Hz, {} seeds, {} failed\n",
              seeds.camera_count, seeds.duration_s, options.look_s, seeds.count, failed);
   fmt::print("quiet              {} false alarms of {}\n", alarms, seeds.count - failed);
-  PrintBump("turned 0.05 deg", trials, &MonitorTrial::turn);
-  PrintBump("shifted 2 mm", trials, &MonitorTrial::shift);
+  if (!options.bumps) return 0;
+  PrintBump("turned 0.05 deg", trials, &MonitorTrial::turn, options.duration_s);
+  PrintBump("shifted 2 mm", trials, &MonitorTrial::shift, options.duration_s);
   return 0;
 }
 

@@ -13,6 +13,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/evaluate/pose_covariance.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
+#include "tests/accuracy/solver/halves_experiment.h"
 #include "tests/server/solve/simulated_input.h"
 
 namespace rigcal::accuracy {
@@ -120,7 +121,7 @@ absl::Status RunBump(const MonitorOptions& options, const SimulatedWorld& world,
   const double look_s = options.duration_s, end_s = look_s + options.look_s;
   outcome->camera = active.cameras[camera].camera;
   server::CalibrationInput input = BumpedPart(world, look_s, end_s, bump);
-  const server::CalibrationOutcome now = server::Calibrate(input, LookOptions(active));
+  const server::CalibrationOutcome now = server::Calibrate(input, server::LookOptions(active));
   RIGCAL_RETURN_IF_ERROR(now.result.status());
   RIGCAL_ASSIGN_OR_RETURN(const server::RigDifference difference,
                           server::CompareRigs(active, *now.result));
@@ -149,6 +150,10 @@ absl::Status RunBump(const MonitorOptions& options, const SimulatedWorld& world,
                   active.cameras[c].cam_from_rig.SourceFromTargetTranslation())
                      .norm());
   }
+  input.parent.reset();
+  const server::CalibrationOutcome same = server::Calibrate(input, CalibrationOptions());
+  RIGCAL_RETURN_IF_ERROR(same.result.status());
+  outcome->same_rows_error_m = ErrorAgainstOthersM(*same.result, truth, camera);
   const server::CalibrationOutcome whole = server::Calibrate(
       BumpedPart(world, end_s, end_s + options.duration_s, bump), CalibrationOptions());
   RIGCAL_RETURN_IF_ERROR(whole.result.status());
@@ -162,13 +167,14 @@ absl::Status RunTrial(const MonitorOptions& options, uint32_t seed, MonitorTrial
   const server::CalibrationOutcome active =
       server::Calibrate(Part(world, 0, look_s), CalibrationOptions());
   RIGCAL_RETURN_IF_ERROR(active.result.status());
-  const server::CalibrationOutcome quiet =
-      server::Calibrate(Part(world, look_s, look_s + options.look_s), LookOptions(*active.result));
+  const server::CalibrationOutcome quiet = server::Calibrate(
+      Part(world, look_s, look_s + options.look_s), server::LookOptions(*active.result));
   RIGCAL_RETURN_IF_ERROR(quiet.result.status());
   RIGCAL_ASSIGN_OR_RETURN(const server::RigDifference difference,
                           server::CompareRigs(*active.result, *quiet.result));
   trial->quiet_moved = difference.Moved();
   trial->quiet_problem = difference.problem;
+  if (!options.bumps) return absl::OkStatus();
 
   RandomStream random{seed, kBumpPurpose};
   const auto direction = [&random] {
@@ -187,22 +193,72 @@ absl::Status RunTrial(const MonitorOptions& options, uint32_t seed, MonitorTrial
 
 }  // namespace
 
-CalibrationOptions LookOptions(const CalibrationResult& active) {
-  CalibrationOptions options;
-  options.what_if = true;
-  options.intrinsics = Estimate::kFixed;
-  for (const CalibratedCamera& camera : active.cameras) {
-    options.given_intrinsics.push_back({camera.camera, camera.image_size_px, camera.intrinsics});
-  }
-  return options;
-}
-
 CalibrationOptions RepairOptions(const std::string& camera) {
   CalibrationOptions options;
   options.kind = SolveKind::kRepair;
   options.parent_id = "active";
   options.only_cameras = {camera};
   return options;
+}
+
+namespace {
+
+absl::Status RunRecordingHalves(const server::CalibrationInput& recording, size_t camera,
+                                const Eigen::Vector3d& turn_rad, RecordingTrial* trial) {
+  const PartsOptions halves{.count = 2};
+  const server::CalibrationOutcome first =
+      server::Calibrate(TakePart(recording, halves, 0), CalibrationOptions());
+  RIGCAL_RETURN_IF_ERROR(first.result.status());
+  server::CalibrationInput second = TakePart(recording, halves, 1);
+  trial->camera = second.tracks[camera].camera.camera;
+  const auto look = [&]() -> absl::StatusOr<server::RigDifference> {
+    const server::CalibrationOutcome now =
+        server::Calibrate(second, server::LookOptions(*first.result));
+    RIGCAL_RETURN_IF_ERROR(now.result.status());
+    return server::CompareRigs(*first.result, *now.result);
+  };
+  const auto of_camera = [&](const server::RigDifference& difference) {
+    return *std::ranges::find(difference.cameras, trial->camera, &server::CameraDifference::camera);
+  };
+  RIGCAL_ASSIGN_OR_RETURN(const server::RigDifference quiet, look());
+  trial->quiet_moved = quiet.Moved();
+  trial->quiet_problem = quiet.problem;
+  TurnRows(turn_rad, &second.tracks[camera]);
+  RIGCAL_ASSIGN_OR_RETURN(const server::RigDifference moved, look());
+  trial->moved = moved.Moved();
+  trial->problem = moved.problem;
+  trial->found = of_camera(moved);
+  second.parent = *first.result;
+  const server::CalibrationOutcome repaired =
+      server::Calibrate(second, RepairOptions(trial->camera));
+  if (!repaired.result.ok()) {
+    trial->repair_problem = std::string(repaired.result.status().message());
+    return absl::OkStatus();
+  }
+  trial->repaired = true;
+  trial->grade = repaired.result->quality.grade;
+  RIGCAL_ASSIGN_OR_RETURN(const server::RigDifference back,
+                          server::CompareRigs(*first.result, *repaired.result));
+  trial->back = of_camera(back);
+  // In the frame that a repair keeps; a comparison would align it anew.
+  for (size_t c = 0; c < repaired.result->cameras.size(); ++c) {
+    const CalibratedCamera &before = first.result->cameras[c], &after = repaired.result->cameras[c];
+    if (before.camera == trial->camera) continue;
+    trial->others_moved_m =
+        std::max(trial->others_moved_m, (after.cam_from_rig.SourceFromTargetTranslation() -
+                                         before.cam_from_rig.SourceFromTargetTranslation())
+                                            .norm());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+RecordingTrial RunRecordingTrial(const server::CalibrationInput& recording, size_t camera,
+                                 const Eigen::Vector3d& turn_rad) {
+  RecordingTrial trial;
+  trial.status = RunRecordingHalves(recording, camera, turn_rad, &trial);
+  return trial;
 }
 
 MonitorTrial RunMonitorTrial(const MonitorOptions& options, uint32_t seed) {

@@ -6,8 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "server/solve/evaluate/rig_difference.h"
-#include "tests/accuracy/solver/halves_experiment.h"
 #include "tests/accuracy/solver/monitor_experiment.h"
 #include "tests/server/solve/recorded_input.h"
 #include "tests/testing/recorded_data.h"
@@ -44,42 +42,17 @@ TEST(Monitor, FindsACameraTurnedInTheSecondHalfOfARealRecording) {
   RIGCAL_REQUIRE_RECORDED_DATA(data);
   const absl::StatusOr<server::CalibrationInput> whole = server::RecordedInput(data);
   ASSERT_THAT(whole, IsOk());
-  const PartsOptions halves{.count = 2};
-  const server::CalibrationOutcome first =
-      server::Calibrate(TakePart(*whole, halves, 0), CalibrationOptions());
-  ASSERT_THAT(first.result, IsOk());
-  server::CalibrationInput second = TakePart(*whole, halves, 1);
-  const server::CalibrationOutcome quiet = server::Calibrate(second, LookOptions(*first.result));
-  ASSERT_THAT(quiet.result, IsOk());
-  const auto nothing = server::CompareRigs(*first.result, *quiet.result);
-  ASSERT_THAT(nothing, IsOk());
-  EXPECT_EQ(nothing->problem, "");
-  EXPECT_THAT(nothing->Moved(), ElementsAre());
-
   const Eigen::Vector3d turn_rad = 0.1 * M_PI / 180 * Eigen::Vector3d(1, 1, 0.3).normalized();
-  server::CameraTrack& track = second.tracks.back();
-  const std::string camera = track.camera.camera;
-  TurnRows(turn_rad, &track);
-  const server::CalibrationOutcome now = server::Calibrate(second, LookOptions(*first.result));
-  ASSERT_THAT(now.result, IsOk());
-  const auto difference = server::CompareRigs(*first.result, *now.result);
-  ASSERT_THAT(difference, IsOk());
-  EXPECT_EQ(difference->problem, "");
-  EXPECT_THAT(difference->Moved(), ElementsAre(camera));
-
-  second.parent = *first.result;
-  const server::CalibrationOutcome repaired = server::Calibrate(second, RepairOptions(camera));
-  ASSERT_THAT(repaired.result, IsOk());
-  const auto back = server::CompareRigs(*first.result, *repaired.result);
-  ASSERT_THAT(back, IsOk());
-  for (const server::CameraDifference& each : back->cameras) {
-    if (each.camera != camera) {
-      EXPECT_LT(each.translation_m, 1e-9) << each.camera;
-      continue;
-    }
-    EXPECT_NEAR(each.rotation_rad, turn_rad.norm(), 3 * each.rotation_sigma_rad);
-    EXPECT_LT(each.translation_m, 3 * each.translation_sigma_m);
-  }
+  const RecordingTrial trial = RunRecordingTrial(*whole, whole->tracks.size() - 1, turn_rad);
+  ASSERT_THAT(trial.status, IsOk());
+  EXPECT_EQ(trial.quiet_problem, "");
+  EXPECT_THAT(trial.quiet_moved, ElementsAre());
+  EXPECT_EQ(trial.problem, "");
+  EXPECT_THAT(trial.moved, ElementsAre(trial.camera));
+  ASSERT_TRUE(trial.repaired) << trial.repair_problem;
+  EXPECT_NEAR(trial.back.rotation_rad, turn_rad.norm(), 3 * trial.back.rotation_sigma_rad);
+  EXPECT_LT(trial.back.translation_m, 3 * trial.back.translation_sigma_m);
+  EXPECT_LT(trial.others_moved_m, 1e-9);
 }
 
 }  // namespace

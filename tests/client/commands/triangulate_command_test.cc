@@ -10,8 +10,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "client/results/calibration_file.h"
 #include "tests/client/command_runner.h"
+#include "tests/client/results/parquet_reader.h"
 #include "tests/common/triangulate/true_result.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
@@ -111,6 +114,45 @@ TEST_F(TriangulateCommand, WritesPointsThatEvaluateReads) {
                                               .out);
   EXPECT_GT(json.at("count").get<int>(), 200);
   EXPECT_LT(json.at("total_rmse_m").get<double>(), 0.003);
+}
+
+TEST_F(TriangulateCommand, WritesTheSamePointsAsParquet) {
+  const std::string rows = WriteRows("rows", rigcal::testing::RowsOf(*world_));
+  const auto write = [&](const char* file) {
+    const CommandOutcome outcome =
+        Rigcal({"triangulate", calibration_, "--data", rows, "--output", Path(file)});
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  };
+  write("points.csv");
+  write("points.parquet");
+  std::ifstream bytes(Path("points.parquet"), std::ios::binary);
+  const rigcal::testing::ParquetTable table =
+      rigcal::testing::ReadParquet(std::string(std::istreambuf_iterator<char>(bytes), {}));
+  EXPECT_EQ(table.notes.at("calibration"), calibration_);
+  std::ifstream csv(Path("points.csv"));
+  std::string line;
+  std::getline(csv, line);
+  std::vector<std::string> names = table.names;
+  ASSERT_EQ(names.front(), "time_ns");
+  names.front() = "time_s";
+  EXPECT_EQ(line, absl::StrJoin(names, ","));
+  size_t count = 0;
+  for (; std::getline(csv, line); ++count) {
+    const std::vector<std::string> fields = absl::StrSplit(line, ',');
+    const double time_s =
+        1e-9 * static_cast<double>(std::get<std::vector<int64_t>>(table.columns[0]).at(count));
+    EXPECT_NEAR(std::stod(fields[0]), time_s, 1e-6);
+    EXPECT_EQ(fields[1], std::get<std::vector<std::string>>(table.columns[1])[count]);
+    for (size_t c = 2; c < fields.size(); ++c) {
+      const double value = c == 11 ? std::get<std::vector<int32_t>>(table.columns[c])[count]
+                                   : std::get<std::vector<double>>(table.columns[c])[count];
+      // As the text is rounded: 7 decimals of metres, 3 of pixels, 3 digits of sigmas.
+      const double rounded = c < 5 ? 5.1e-8 : c == 12 ? 5.1e-4 : 5.1e-3 * std::abs(value);
+      EXPECT_NEAR(std::stod(fields[c]), value, rounded) << names[c];
+    }
+  }
+  EXPECT_GT(count, 200u);
+  EXPECT_EQ(table.row_count, static_cast<int64_t>(count));
 }
 
 TEST_F(TriangulateCommand, NamesWhatIsMissing) {

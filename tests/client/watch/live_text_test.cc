@@ -129,5 +129,24 @@ TEST(LiveLine, SaysWhatIsMissing) {
               HasSubstr("- mm (left and right need more together: 3 of 20 instants)"));
 }
 
+TEST(LiveText, SaysWhatTheMonitorHasFound) {
+  v1::LiveState live = Wave();
+  EXPECT_THAT(FormatLiveLine(live), Not(HasSubstr("monitor")));
+  v1::LiveMonitor& monitor = *live.mutable_monitor();
+  monitor.set_mode(v1::MONITOR_MODE_WATCH);
+  EXPECT_THAT(FormatLiveLine(live), HasSubstr("monitor: no active calibration"));
+  monitor.set_calibration_id("c-000001");
+  for (const char* name : {"a", "b", "c", "d"}) monitor.add_cameras()->set_camera(name);
+  for (auto& camera : *monitor.mutable_cameras()) {
+    camera.set_verdict(v1::LiveMonitoredCamera::VERDICT_GOOD);
+  }
+  monitor.mutable_cameras(1)->set_verdict(v1::LiveMonitoredCamera::VERDICT_MOVED);
+  monitor.mutable_cameras(3)->set_verdict(v1::LiveMonitoredCamera::VERDICT_UNKNOWN);
+  const char* const text =
+      "monitor: 2 of 4 cameras where c-000001 has them, moved: b, cannot tell: d";
+  EXPECT_THAT(FormatLiveLine(live), HasSubstr(text));
+  EXPECT_THAT(Text(live, {.columns = 200, .rows = 30}), HasSubstr(text));
+}
+
 }  // namespace
 }  // namespace rigcal::client::live_text_test

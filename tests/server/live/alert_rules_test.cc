@@ -102,6 +102,33 @@ TEST(AlertRules, OfTheServer) {
   EXPECT_THAT(KindsOf(RigConditions(facts)), ElementsAre("estimate_failed"));
 }
 
+TEST(AlertRules, TheMonitorSaysWhatHasMovedAndWhatBecameOfIt) {
+  server::LiveMonitor monitor;
+  monitor.problem = "fewer than two agree";
+  monitor.repair_text = "it is graded bad";
+  monitor.cameras.emplace_back().camera = "left";
+  monitor.cameras[0].verdict = server::MonitorVerdict::kMoved;
+  monitor.cameras[0].rotation_rad = 0.0026;
+  monitor.calibration_id = "c-000001";
+  monitor.session_id = "wave";
+  EXPECT_THAT(MonitorConditions(monitor), IsEmpty());  // off
+  monitor.mode = server::MonitorMode::kWatch;
+  const auto conditions = MonitorConditions(monitor);
+  EXPECT_THAT(KindsOf(conditions), ElementsAre("camera_moved"));
+  EXPECT_EQ(conditions[0].camera, "left");
+  EXPECT_NE(conditions[0].text.find("0.149 degrees"), std::string::npos) << conditions[0].text;
+  EXPECT_NE(conditions[0].text.find("rigcal calibrate wave --only left --activate"),
+            std::string::npos);
+  monitor.cameras[0].verdict = server::MonitorVerdict::kGood;
+  EXPECT_THAT(MonitorConditions(monitor), IsEmpty());
+  monitor.cameras[0].clock_changed = true;
+  monitor.repair = server::MonitorRepairState::kNotActive;
+  EXPECT_THAT(KindsOf(MonitorConditions(monitor)), ElementsAre("clock_changed", "repair"));
+  monitor.all_moved = true;
+  EXPECT_THAT(KindsOf(MonitorConditions(monitor)),
+              ElementsAre("camera_moved", "clock_changed", "repair"));
+}
+
 TEST(AlertRules, DocsExplainEachKind) {
   std::ifstream file(RIGCAL_SOURCE_DIR "/docs/live.md");
   std::stringstream text;

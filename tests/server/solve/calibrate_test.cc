@@ -3,9 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <cmath>
 #include <limits>
 #include <random>
+#include <utility>
 
+#include "common/camera/camera_model.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
@@ -254,6 +258,74 @@ TEST(Calibrate, TwoSessionsOfOneRigAreOneSolve) {
   EXPECT_EQ(outcome.result->cameras.size(), 3u);
   EXPECT_GT(outcome.result->instant_count, 500u);
   EXPECT_LT(ComparePoses(*outcome.result, first).worst_position_m, 0.002);
+}
+
+// The two halves of a wave as sessions; in the second one every clock was started anew, each at
+// another moment, and one camera's rows are turned about its centre.
+CalibrationInput TwoHalves(const SimulatedWorld& world, const std::string& turned,
+                           double angle_rad) {
+  const double half_s = 0.5 * world.options().duration_s;
+  const Eigen::AngleAxisd turn(angle_rad, Eigen::Vector3d(1, 1, 0.3).normalized());
+  CalibrationInput input = InputOf(world), halves = InputOf(world);
+  halves.tracks.clear();
+  for (size_t c = 0; c < input.tracks.size(); ++c) {
+    CameraTrack first = input.tracks[c], second = input.tracks[c];
+    first.session_id = "monday";
+    second.session_id = "friday";  // earlier by name
+    first.observations.clear();
+    second.observations.clear();
+    for (size_t i = 0; i < input.tracks[c].observations.size(); ++i) {
+      Observation row = input.tracks[c].observations[i];
+      if (world.FrameRigTime(static_cast<int>(c), static_cast<int>(i)) < half_s) {
+        first.observations.push_back(row);
+        continue;
+      }
+      row.time_ns += std::llround(1e9 * (0.07 * static_cast<double>(c) - half_s));
+      for (MarkerObservation& marker : row.markers) {
+        if (!marker.visible || second.camera.camera != turned) continue;
+        const auto ray = Undistort(*second.camera.intrinsics, marker.centre_px);
+        Eigen::Vector2d pixel;
+        if (ray.ok() && Project(*second.camera.intrinsics, turn * ray->homogeneous(), &pixel)) {
+          marker.centre_px = pixel;
+        }
+      }
+      second.observations.push_back(row);
+    }
+    halves.tracks.push_back(std::move(first));
+    halves.tracks.push_back(std::move(second));
+  }
+  return halves;
+}
+
+std::vector<Finding> MovesOf(const CalibrationResult& result) {
+  std::vector<Finding> moves;
+  for (const Finding& finding : result.findings) {
+    if (finding.kind == FindingKind::kCameraMoved) moves.push_back(finding);
+  }
+  return moves;
+}
+
+TEST(Calibrate, ClocksThatWereStartedAnewBetweenSessionsHaveOffsetsOfTheirOwn) {
+  const SimulatedWorld world = World("cameras=4;duration=30");
+  const CalibrationOutcome outcome = Calibrate(TwoHalves(world, "", 0), {});
+  ASSERT_THAT(outcome.result, IsOk());
+  EXPECT_LT(ComparePoses(*outcome.result, world).worst_position_m, 0.002);
+  EXPECT_TRUE(MovesOf(*outcome.result).empty());
+  EXPECT_NE(outcome.result->quality.grade, QualityGrade::kBad);
+  for (const CalibratedCamera& camera : outcome.result->cameras) {
+    EXPECT_LT(camera.residuals.inlier.mean_px, 0.45) << camera.camera;
+  }
+}
+
+TEST(Calibrate, ACameraThatMovedBetweenSessionsIsNamed) {
+  const SimulatedWorld world = World("cameras=4;duration=30");
+  const CalibrationOutcome outcome = Calibrate(TwoHalves(world, "sim_2", 0.1 * M_PI / 180), {});
+  ASSERT_THAT(outcome.result, IsOk());
+  const std::vector<Finding> moves = MovesOf(*outcome.result);
+  ASSERT_EQ(moves.size(), 1u);
+  EXPECT_EQ(moves[0].camera, "sim_2");
+  EXPECT_THAT(moves[0].advice, HasSubstr("it moved between session"));
+  EXPECT_NEAR(moves[0].value, 2.2, 0.7);  // pixels
 }
 
 TEST(Calibrate, ClocksWithOriginsOfTheirOwnAreAlignedBySamples) {

@@ -10,7 +10,9 @@
 #                                 of it is recovered
 #   deploy/demo.sh --markers      six simulated cameras without rendered frames, 60 s of waving in
 #                                 seconds
-#   deploy/demo.sh --pixels       four frame cameras with rendered frames
+#   deploy/demo.sh --pixels       four frame cameras with rendered frames, in a dim room
+#   deploy/demo.sh --office       the same in an office: windows, shelves, screens, people, light from
+#                                 above, sensors with a Bayer mosaic; some minutes
 #   deploy/demo.sh --gige         the same frames over GigE Vision, from fake cameras on loopback
 #   deploy/demo.sh --network [cut | one-way | loss]
 #                                 three PCs, as network namespaces of this machine: two with cameras
@@ -65,6 +67,12 @@ case "${1:-}" in
   --pixels)
     shift
     exec "$rigcal" local --simulate "cameras=4;duration=20;pixels=1;clutter=0.5;lux=300" --target "$spheres" "$@"
+    ;;
+  --office)
+    shift
+    office="rod=0.012;held=1;bayer=1;led_cd_m2=300;auto_gain=1;lux=400;overhead_lux=300"
+    office+=";windows=1;shelves=1.5;screens=1;lights=1.5;people=0.3"
+    exec "$rigcal" local --simulate "cameras=4;duration=20;pixels=1;$office" --target "$spheres" "$@"
     ;;
   --markers)
     shift

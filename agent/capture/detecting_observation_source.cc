@@ -15,6 +15,8 @@ namespace rigcal::agent {
 namespace {
 
 constexpr std::chrono::seconds kWarnInterval{10};
+// Of the image: background that is worth a line in the log, and again when it has grown so much.
+constexpr double kWorthALine = 1e-4, kGrown = 2;
 
 // The longest one, which an exposure has to hold.
 double BlinkPeriodS(const Target& target) {
@@ -32,7 +34,7 @@ constexpr Advice kAdvice[] = {
     {DetectionOutcome::kBlack, RefusalReason::kFrameBlack,
      "the frame is black: lens cap, short exposure, or no light"},
     {DetectionOutcome::kSaturated, RefusalReason::kFrameSaturated,
-     "most of the frame is saturated: shorten the exposure or turn the gain down"},
+     "most of the frame is saturated: "},
     {DetectionOutcome::kTooManyBlobs, RefusalReason::kTooManyBlobs,
      "the colour range contains too much of the frame: learn it with rigcal-agent tune, and "
      "static spots with rigcal-agent mask"},
@@ -64,7 +66,9 @@ absl::Status DetectingObservationSource::Start(const Target& target) {
     RIGCAL_ASSIGN_OR_RETURN(
         learner_, StaticMaskLearner::Create(control_.colour(), description().image_size_px));
   }
-  blink_period_s_ = BlinkPeriodS(target);
+  resting_wands_ = 0;
+  reported_background_ = 0;
+  exposure_facts_ = {.blink_s = BlinkPeriodS(target)};
   exposure_checked_ = false;
   detection_ = {};
   detections_ = {};
@@ -82,6 +86,14 @@ absl::Status DetectingObservationSource::MakeDetector() {
   if (options.exposure_s <= 0 && camera.settings) options.exposure_s = camera.settings->exposure_s;
   RIGCAL_ASSIGN_OR_RETURN(detector_, WandDetector::Create(options, target_, camera));
   detector_->SetIgnored(Union(start_mask_, control_.ignored()));
+  // What was learnt of another colour is not all there is.
+  background_.reset();
+  if (options_.background_s > 0) {
+    RIGCAL_ASSIGN_OR_RETURN(
+        background_,
+        BackgroundLearner::Create(options.colour, camera.image_size_px, options_.background_s));
+    detector_->SetBackground(background_->background());
+  }
   return absl::OkStatus();
 }
 
@@ -102,8 +114,13 @@ absl::StatusOr<std::optional<Observation>> DetectingObservationSource::Next() {
     empty.markers.resize(static_cast<size_t>(target_.marker_count()));
     return empty;
   }
+  if (background_) background_->Look(frame->image);
   RIGCAL_ASSIGN_OR_RETURN(detection_,
                           detector_->Detect(frame->image, frame->time_ns, frame->clock_epoch));
+  if (background_) {
+    background_->Learn(frame->image, detection_);
+    NoteBackground(*frame);
+  }
   Note(*frame);
   preview_tap_.Offer(frame->image, frame->time_ns, frame->clock_epoch, detection_,
                      detector_->window(), detector_->blobs());
@@ -130,13 +147,33 @@ bool DetectingObservationSource::LearnsMask(const Frame& frame) {
   return false;
 }
 
+void DetectingObservationSource::NoteBackground(const Frame& frame) {
+  detection_.background_share = background_->share();
+  if (detection_.background_share > std::max(kWorthALine, kGrown * reported_background_)) {
+    reported_background_ = detection_.background_share;
+    spdlog::info(
+        "camera {}: {:.3g} % of the picture has the wand's colour and has not changed for {:.3g} "
+        "s; it is ignored until it does",
+        description().camera, 100 * reported_background_, options_.background_s);
+  }
+  if (!background_->ignores_wand()) return;
+  ++resting_wands_;
+  const std::string what = absl::StrCat(
+      "frame at ", frame.time_ns, " ns: what looks like the wand has rested for ",
+      background_->rest_s(),
+      " s and is ignored until it moves; if it is the wand, move it (background=0 keeps it)");
+  refused_.Add("", RefusalReason::kWandResting, 1, what);
+  Warn(RefusalReason::kWandResting, what);
+}
+
 void DetectingObservationSource::CheckExposure(const Frame& frame) {
   if (std::exchange(exposure_checked_, true)) return;
-  if (frame.exposure_s <= 0 || blink_period_s_ <= 0 || frame.exposure_s >= blink_period_s_) return;
+  const double blink_s = exposure_facts_.blink_s;
+  if (frame.exposure_s <= 0 || blink_s <= 0 || frame.exposure_s >= blink_s) return;
   spdlog::warn(
       "camera {}: the exposure of {} ms is shorter than one blink of the target ({} ms): in some "
       "frames its markers are dark. Lengthen the exposure, or let the target blink faster",
-      description().camera, frame.exposure_s * 1e3, blink_period_s_ * 1e3);
+      description().camera, frame.exposure_s * 1e3, blink_s * 1e3);
 }
 
 void DetectingObservationSource::Note(const Frame& frame) {
@@ -144,14 +181,23 @@ void DetectingObservationSource::Note(const Frame& frame) {
   const auto example = [&](std::string_view what) {
     return absl::StrCat("frame at ", frame.time_ns, " ns: ", std::string(what));
   };
+  exposure_facts_.exposure_s = frame.exposure_s;
+  if (detection_.marker_grey > 0) exposure_facts_.marker_grey = detection_.marker_grey;
+  const std::string crowded =
+      CrowdedText(detection_.passed_share, detection_.white_share, exposure_facts_);
   for (const Advice& advice : kAdvice) {
     if (detection_.outcome != advice.outcome) continue;
-    const std::string crowded = CrowdedText(detection_.passed_share, detection_.white_share);
     const bool says_more = advice.outcome == DetectionOutcome::kTooManyBlobs && !crowded.empty();
-    const std::string what = example(says_more ? std::string_view(crowded) : advice.what);
+    std::string what = example(says_more ? std::string_view(crowded) : advice.what);
+    if (advice.outcome == DetectionOutcome::kSaturated) {
+      absl::StrAppend(&what, ShorterExposureText(exposure_facts_));
+    }
     refused_.Add("", advice.reason, 1, what);
     Warn(advice.reason, what);
   }
+  const bool is_missed = detection_.outcome == DetectionOutcome::kAmbiguous ||
+                         detection_.outcome == DetectionOutcome::kNoWand;
+  if (is_missed && !crowded.empty()) Warn(RefusalReason::kTooManyBlobs, example(crowded));
   if (detection_.occluded_markers > 0) {
     refused_.Add("", RefusalReason::kMarkerOccluded,
                  static_cast<uint32_t>(detection_.occluded_markers),

@@ -17,6 +17,8 @@
 #include "agent/capture/observation_source.h"
 #include "agent/capture/preview/preview_tap.h"
 #include "agent/capture/static_mask.h"
+#include "agent/detect/frame/background_learner.h"
+#include "agent/detect/frame/colour_share.h"
 #include "agent/detect/frame/wand_detector.h"
 #include "common/status/refusal.h"
 
@@ -31,6 +33,9 @@ struct DetectingOptions {
   // At the start of each capture (camera time) static bright spots are learnt and added
   // to the mask. Observations of that time are empty.
   double learn_mask_s = 0;
+  // Spots of the wand's colour that have stayed where they are for so long are ignored until they
+  // change, throughout the capture; 0: never. A wand that rests is, after three times as long.
+  double background_s = 3;
 };
 
 // Observations of a camera that yields frames: one per frame, empty if the wand is not found.
@@ -57,6 +62,10 @@ class DetectingObservationSource : public ObservationSource {
 
   // Of the last observation.
   const Detection& last_detection() const { return detection_; }
+  // Frames of this capture in which a wand was ignored because it rests.
+  uint64_t resting_wands() const { return resting_wands_; }
+  // Of this capture so far.
+  const ExposureFacts& exposure_facts() const { return exposure_facts_; }
   // The region searched and the blobs found in it; empty before the first frame.
   PixelRect last_window() const { return detector_ ? detector_->window() : PixelRect{}; }
   absl::Span<const Blob> last_blobs() const {
@@ -72,6 +81,7 @@ class DetectingObservationSource : public ObservationSource {
   // A detector as the control says.
   absl::Status MakeDetector();
   bool LearnsMask(const Frame& frame);
+  void NoteBackground(const Frame& frame);
   void CheckExposure(const Frame& frame);
   void Note(const Frame& frame);
   void Warn(RefusalReason reason, const std::string& what);
@@ -84,8 +94,11 @@ class DetectingObservationSource : public ObservationSource {
   Target target_;
   PixelMask start_mask_;  // learnt at the start of this capture; without pixels: none
   std::optional<StaticMaskLearner> learner_;
+  std::optional<BackgroundLearner> background_;
+  uint64_t resting_wands_ = 0;
+  double reported_background_ = 0;  // share
+  ExposureFacts exposure_facts_;
   std::optional<int64_t> learn_until_ns_;
-  double blink_period_s_ = 0;  // 0: not known
   bool exposure_checked_ = false;
   Detection detection_;
   DetectionCounts detections_;

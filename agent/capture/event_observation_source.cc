@@ -9,6 +9,11 @@
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
+namespace {
+
+constexpr uint64_t kSilentDetections = 1000;  // then it is not chance that nothing blinks
+
+}  // namespace
 
 absl::Status EventObservationSource::Start(const Target& target) {
   RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
@@ -19,6 +24,8 @@ absl::Status EventObservationSource::Start(const Target& target) {
   first_faults_.clear();
   first_epoch_ = 0;
   last_epoch_ = 0;
+  without_blob_ = 0;
+  has_blob_ = warned_of_two_ = false;
   found_.clear();
   next_ = 0;
   // Fails now if the detector cannot work, whatever the format will be.
@@ -84,6 +91,28 @@ void EventObservationSource::CountEpochs(size_t first_found) {
   for (size_t i = first_found; i < found_.size(); ++i) {
     found_[i].observation.clock_epoch += first_epoch_;
     last_epoch_ = found_[i].observation.clock_epoch;
+  }
+  WarnOfScene(first_found);
+}
+
+void EventObservationSource::WarnOfScene(size_t first_found) {
+  const std::string& camera = description().camera;
+  for (size_t i = first_found; i < found_.size(); ++i) {
+    if (found_[i].outcome == DetectionOutcome::kAmbiguous && !warned_of_two_) {
+      warned_of_two_ = true;
+      spdlog::warn(
+          "camera {}: more than one wand of this blink frequency is in view, or a mirror image of "
+          "it; such observations are left empty (counted as ambiguous). Leave one, or give the "
+          "wands frequencies that differ by a quarter",
+          camera);
+    }
+    has_blob_ |= found_[i].blob_count > 0;
+    if (!has_blob_ && ++without_blob_ == kSilentDetections) {
+      spdlog::warn(
+          "camera {}: nothing blinks at the wand's frequency in the first {} detections; is the "
+          "wand on, and does it blink as the target's hz= says?",
+          camera, kSilentDetections);
+    }
   }
 }
 

@@ -42,6 +42,8 @@ class EventObservationSource : public ObservationSource {
   absl::Status Detect(const EventChunk& chunk);
   void FinishDetector();  // keeps its counts
   void CountEpochs(size_t first_found);
+  // Once each: two wands in view, nothing that blinks so.
+  void WarnOfScene(size_t first_found);
   EventFaults AllFaults() const;
   BlinkWandCounts AllCounts() const;
 
@@ -59,6 +61,8 @@ class EventObservationSource : public ObservationSource {
   std::vector<Detection> found_;
   size_t next_ = 0;  // of found_
   bool ended_ = true;
+  uint64_t without_blob_ = 0;  // detections in a row, from the first one on
+  bool has_blob_ = false, warned_of_two_ = false;
 };
 
 }  // namespace rigcal::agent

@@ -30,6 +30,8 @@ void FrameSourceSpec::AddDetector(OptionTable* table) {
   table->AddPath("mask", &detecting.mask_path, "image: white pixels are ignored");
   table->Add("learn_mask", &detecting.learn_mask_s, {0, 600, "s"},
              "at the start of each capture, bright spots are learnt to be ignored");
+  table->Add("background", &detecting.background_s, {0, 600, "s"},
+             "what has not moved for so long is ignored until it does; 0: never");
 }
 
 absl::StatusOr<std::unique_ptr<ObservationSource>> FrameSourceSpec::Create() const {

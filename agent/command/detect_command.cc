@@ -147,6 +147,9 @@ absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, uint
   for (double* share : {&report.passed_share, &report.white_share}) {
     *share /= static_cast<double>(std::max<uint64_t>(1, searched));
   }
+  report.exposure = source->exposure_facts();
+  report.background_share = source->last_detection().background_share;
+  report.resting_wands = source->resting_wands();
   report.frames = frames.counts();
   report.refused = source->Refused();
   report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();

@@ -8,7 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
-#include "agent/detect/frame/colour_share.h"
 #include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
@@ -84,8 +83,14 @@ std::string FormatReport(const DetectionReport& report) {
   AppendTimes(&text, "reading", report.reading);
   AppendTimes(&text, "detecting", report.detecting);
   absl::StrAppendFormat(&text, "%-30s %8.1f\n", "frames/s, in total", report.frames_per_s());
-  const std::string crowded = CrowdedText(report.passed_share, report.white_share);
+  const std::string crowded = CrowdedText(report.passed_share, report.white_share, report.exposure);
   if (!crowded.empty()) absl::StrAppend(&text, crowded, "\n");
+  if (report.background_share > 0) {
+    absl::StrAppendFormat(&text,
+                          "%.2g %% of the picture has the wand's colour, does not move and is "
+                          "ignored (background=0: no)\n",
+                          100 * report.background_share);
+  }
   for (const Refusal& refusal : report.refused) {
     absl::StrAppend(&text, std::string(NameOf(refusal.reason)), " x ", refusal.count,
                     ", first: ", refusal.example, "\n");
@@ -120,6 +125,8 @@ std::string ReportJson(const DetectionReport& report) {
   json["cut_short"] = report.cut_short;
   json["passed_share"] = report.passed_share;
   json["white_share"] = report.white_share;
+  json["background_share"] = report.background_share;
+  json["resting_wands"] = report.resting_wands;
   return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 

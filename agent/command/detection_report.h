@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "agent/detect/frame/colour_share.h"
 #include "common/camera/frame_counts.h"
 #include "common/status/refusal.h"
 #include "common/target/detection_outcome.h"
@@ -31,6 +32,9 @@ struct DetectionReport {
   uint64_t cut_short = 0;  // searches that left candidates out, to bound their time
   // Of the frames that were searched whole: means of Detection::passed_share and white_share.
   double passed_share = 0, white_share = 0;
+  ExposureFacts exposure;
+  double background_share = 0;  // of the last frame: Detection::background_share
+  uint64_t resting_wands = 0;   // frames in which a wand was ignored because it rests
   // "sphere" or "blob", as csv: is to be told with ;centres=; empty: no marker was seen.
   std::string centres;
   std::vector<Refusal> refused;
@@ -47,7 +51,8 @@ struct DetectionReport {
 std::string FormatReport(const DetectionReport& report);
 // The same as one JSON object, a contract: pictures, damaged, lost, learning, outcomes{word:
 // count}, detection_rate, tracked, centres, refused[{reason, count, example}], reading_ms and
-// detecting_ms{mean, median, p95}, pictures_per_s, cut_short, passed_share, white_share.
+// detecting_ms{mean, median, p95}, pictures_per_s, cut_short, passed_share, white_share,
+// background_share, resting_wands.
 std::string ReportJson(const DetectionReport& report);
 
 }  // namespace rigcal::agent

@@ -22,6 +22,11 @@ struct Detection {
   double passed_share = 0, white_share = 0;
   int dismissed_patches = 0;  // of the wand's colour, too large to look for markers in front
   bool tracked = false;       // found in the predicted window, without a full search
+  // Of the largest marker's image, and of the middle of the brightest one in its brightest channel;
+  // 0: no wand, or of events.
+  double marker_radius_px = 0, marker_grey = 0;
+  // Of the pixels, 0 to 1: those that do not move and are ignored (BackgroundLearner).
+  double background_share = 0;
 };
 
 }  // namespace rigcal::agent

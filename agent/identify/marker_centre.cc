@@ -13,7 +13,12 @@ namespace {
 constexpr float kFree = 0.22f, kCovered = 0.8f;
 constexpr float kStrange = 0.3f;     // of the contrast: away from all mixtures of the two colours
 constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
+constexpr double kWideCore = 0.85;   // of it: where saturation is looked for
 constexpr double kMinContrast = 20;  // grey levels
+constexpr float kSaturated = 252;
+constexpr double kMostSaturated = 0.04;
+// Without its saturated channels a marker must keep this share of its contrast.
+constexpr double kLeastUnsaturated = 0.25, kLeastUnsaturatedGrey = 40;
 // Pixels this bright (kForeign) and this far outside of the blob belong to something else.
 constexpr double kOwnPx = 1.5;
 constexpr float kForeign = 0.4f;
@@ -70,13 +75,22 @@ bool MarkerMeter::PlaceWindow(const ImageView& image, const MarkerAperture& aper
 bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
                               MarkerCentre* centre) const {
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-  int count = 0;
+  int count = 0, wide_count = 0;
+  std::array<int, 3> saturated{};
   ForPixels(window_, aperture.centre_px, [&](size_t, int x, int y, const Eigen::Vector2d& d) {
-    if (d.dot(aperture.shape * d) >= kCore * kCore) return;
-    sum += GreyAt(image, x, y);
+    const double squared = d.dot(aperture.shape * d);
+    if (squared >= kWideCore * kWideCore) return;
+    const Eigen::Vector3f grey = GreyAt(image, x, y);
+    ++wide_count;
+    for (size_t c = 0; c < 3; ++c) saturated[c] += grey[static_cast<int>(c)] >= kSaturated ? 1 : 0;
+    if (squared >= kCore * kCore) return;
+    sum += grey;
     ++count;
   });
   if (count == 0) return false;
+  for (size_t c = 0; c < 3; ++c) {
+    centre->saturated[c] = saturated[c] > kMostSaturated * wide_count;
+  }
   centre->plateau_grey = (sum / static_cast<float>(count)).cast<double>();
   return true;
 }
@@ -96,6 +110,13 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
     contrast += static_cast<double>((plateau - arc.background).norm());
   }
   centre->contrast_grey = contrast / static_cast<double>(arcs.size());
+  double steps = 0;
+  for (size_t k = 0; k < arcs.size(); ++k) {
+    steps += static_cast<double>(
+        (arcs[k].background - arcs[(k + 1) % arcs.size()].background).squaredNorm());
+  }
+  centre->background_steps =
+      std::sqrt(steps / static_cast<double>(arcs.size())) / std::max(1.0, centre->contrast_grey);
   if (!(centre->contrast_grey > kMinContrast)) return false;
   const auto least = static_cast<float>(0.3 * centre->contrast_grey);
   const auto strange = static_cast<float>(kStrange * centre->contrast_grey);
@@ -283,6 +304,19 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
   return has_measured_;
 }
 
+// 1 for the channels in which the marker's light is measured, 0 for those that are saturated, where
+// the others stand out enough.
+static Eigen::Vector3f ChannelsToUse(const RingBackground& background, const MarkerCentre& centre) {
+  Eigen::Vector3f used = Eigen::Vector3f::Ones(), mean = Eigen::Vector3f::Zero();
+  for (const auto& arc : background.arcs()) mean += arc.background;
+  mean /= static_cast<float>(background.arcs().size());
+  const Eigen::Vector3d range = centre.plateau_grey - mean.cast<double>();
+  for (size_t c = 0; c < 3; ++c) used[static_cast<int>(c)] = centre.saturated[c] ? 0 : 1;
+  const double left = range.cwiseProduct(used.cast<double>()).norm();
+  if (left < std::max(kLeastUnsaturatedGrey, kLeastUnsaturated * range.norm())) used.setOnes();
+  return used;
+}
+
 // Which pixels are taken, and against which background.
 struct MarkerMeter::Collection {
   const MarkerAperture& aperture;
@@ -304,6 +338,8 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
   const auto model_noise = static_cast<float>(how.model_noise);
   const auto least = static_cast<float>(kLeastChannel * centre.contrast_grey);
   const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
+  // Saturation hides shading, which then moves the edge.
+  const Eigen::Vector3f used = ChannelsToUse(how.background, centre);
   if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
     mosaic_ = FindMosaic(image, how.window.rect);
     ++mosaic_tries_;
@@ -322,25 +358,30 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     if (turn < step) return;
     turn -= step;
     const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
-    if (!mosaic_ && !how.near) {
+    if (!mosaic_ && !how.near && used.minCoeff() > 0) {
       pixels->Add(at_x, at_y, share_[i], precision);
       return;
     }
     size_t arc = 0;
     const Eigen::Vector3f background = how.background.At(d, &arc);
-    const Eigen::Vector3f range = plateau - background, above = GreyAt(image, x, y) - background;
+    const Eigen::Vector3f above = GreyAt(image, x, y) - background;
+    Eigen::Vector3f range = plateau - background;
     if (!mosaic_) {
+      range = range.cwiseProduct(used);
       const float squared = range.squaredNorm();
       if (squared < least * least) return;
       pixels->Add(at_x, at_y, above.dot(range) / squared,
-                  1 / std::hypot(single_noise / std::sqrt(squared), model_noise));
+                  1 / std::hypot(single_noise / std::sqrt(squared), model_noise), 1,
+                  background.cwiseProduct(used).maxCoeff() >= kSaturated);
       return;
     }
     const int channel = mosaic_->Channel(x, y);
+    if (!(used[channel] > 0)) return;
     if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
     pixels->Add(at_x, at_y, above[channel] / range[channel],
                 1 / std::hypot(single_noise / range[channel], model_noise),
-                std::min(kMostWhite, range.maxCoeff() / std::abs(range[channel])));
+                std::min(kMostWhite, range.maxCoeff() / std::abs(range[channel])),
+                background[channel] >= kSaturated);
   });
   pixels->FillUp();
 }

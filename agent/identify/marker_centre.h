@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -31,9 +32,13 @@ struct MarkerCentre {
   // with blur and for anything else.
   double spread = 1;
   Eigen::Vector3d plateau_grey = Eigen::Vector3d::Zero();  // in its middle, by channel
-  double contrast_grey = 0;    // of the plateau against the background, over all channels
-  double noise_grey = 0;       // one sigma of one pixel and channel
-  double alike = 0;            // share of what is just outside of it that looks like it, 0 to 1
+  double contrast_grey = 0;  // of the plateau against the background, over all channels
+  double noise_grey = 0;     // one sigma of one pixel and channel
+  // Root mean square of the background's steps from arc to arc, over the contrast.
+  double background_steps = 0;
+  double alike = 0;  // share of what is just outside of it that looks like it, 0 to 1
+  // Channels of which more than a few pixels of the marker are saturated.
+  std::array<bool, 3> saturated{};
   bool cut = false;            // the image's border cuts the aperture
   bool has_neighbour = false;  // something else is near; its side and the opposite are left out
 };

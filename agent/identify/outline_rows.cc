@@ -19,6 +19,7 @@ namespace {
 constexpr float kReach = 2.6457513f;
 constexpr float kLeastShape = 0.05f;
 constexpr float kLeastFacing = 0.02f;
+constexpr float kLeastCover = 1e-5f;
 
 constexpr size_t kGroup = OutlinePixels::kGroup;
 
@@ -71,8 +72,15 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
     const float t = raw < -1 ? -1 : raw > 1 ? 1 : raw, t2 = t * t;
     const float cover = 0.5f + t * (15 - 10 * t2 + 3 * t2 * t2) * (1 / 16.0f);
     const float density = (15 / 16.0f) * (1 - t2) * (1 - t2) * per_sigma * (1 / kReach);
-    // Shading does not go on beyond the outline.
-    const float clip = n > 1 ? per_n : 1;
+    // Blur brings light from inside of the outline, from this far in the mean; in half widths of
+    // the edge, and its change with the place.
+    const float squared_rest = (1 - t2) * (1 - t2);
+    const float per_cover = 1 / (cover > kLeastCover ? cover : kLeastCover);
+    const float deeper = (5 / 32.0f) * squared_rest * (1 - t2) * per_cover;
+    const float follows = 1 - (15 / 16.0f) * squared_rest * per_cover * (t + deeper);
+    const float radial = follows < 0 ? 0 : follows > 1 ? 1 : follows;
+    const float from = raw < -1 ? 1 : n - deeper * kReach * squared * per_sigma / per_steep;
+    const float clip = from > 0 ? from * per_n : 0;
     const float vx = clip * ux, vy = clip * uy;
     const float along = vx * vx - vy * vy, diagonal = 2 * vx * vy;
     const float squared_v = vx * vx + vy * vy, round = squared_v - 0.5f;
@@ -90,7 +98,7 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
                         slope_by * (q[kOutlineSlopeX] * vx + q[kOutlineSlopeY] * vy) +
                         along_by * q[kOutlineBendAlong] + p * q[kOutlineBendDiagonal] * diagonal +
                         q[kOutlineBendRound] * round;
-    // Change of the light with u; beyond the outline only round it.
+    // Change of the light with u.
     const float along_w = w * lit * q[kOutlineBendAlong] / nz;
     const float raw_x = slope_by * q[kOutlineSlopeX] - along_w * vx +
                         2 * ((p * q[kOutlineBendAlong] + q[kOutlineBendRound]) * vx +
@@ -98,12 +106,14 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
     const float raw_y = slope_by * q[kOutlineSlopeY] - along_w * vy +
                         2 * ((q[kOutlineBendRound] - p * q[kOutlineBendAlong]) * vy +
                              p * q[kOutlineBendDiagonal] * vx);
-    const float outwards = n > 1 ? raw_x * vx + raw_y * vy : 0;
-    const float light_x = cover * clip * (raw_x - outwards * vx);
-    const float light_y = cover * clip * (raw_y - outwards * vy);
+    const float outwards = (raw_x * ux + raw_y * uy) * per_n * per_n;
+    const float light_x = cover * (clip * raw_x + (radial - clip) * outwards * ux);
+    const float light_y = cover * (clip * raw_y + (radial - clip) * outwards * uy);
     const float edge = light * density;
     const float along_n = edge * per_n * per_steep * per_radius;
-    const float by_sigma2 = -0.5f * edge * z * per_sigma * q[kOutlineEdge];
+    // A softer edge brings light from further inside.
+    const float by_width = -cover * outwards * n * (deeper - t * (radial - 1)) * kReach / per_steep;
+    const float by_sigma2 = 0.5f * per_sigma * q[kOutlineEdge] * (by_width - edge * z);
     out(kOutlineCount, i) = cover * light;
     out(kOutlineX, i) = edge * nx - (w00 * light_x + w01 * light_y);
     out(kOutlineY, i) = edge * ny - (w01 * light_x + w11 * light_y);
@@ -112,7 +122,7 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
                               (light_x * dx - light_y * dy) * per_radius;
     out(kOutlineShear, i) = -along_n * (ux * dy + uy * dx) - edge * rho * sin2 +
                             (light_x * dy + light_y * dx) * per_radius;
-    out(kOutlineEdge, i) = -edge * rho * half_per_edge;
+    out(kOutlineEdge, i) = (by_width * squared * per_sigma - edge * rho) * half_per_edge;
     out(kOutlineEdgeCos, i) = by_sigma2 * cos2;
     out(kOutlineEdgeSin, i) = by_sigma2 * sin2;
     out(kOutlineBrightness, i) = cover;
@@ -128,15 +138,17 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
 
 void OutlinePixels::Clear() {
   for (auto* values : {&x, &y, &coverage, &precision, &white}) values->clear();
+  saturated_behind.clear();
 }
 
 void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_precision,
-                        float its_white) {
+                        float its_white, bool is_saturated_behind) {
   x.push_back(at_x);
   y.push_back(at_y);
   coverage.push_back(its_coverage);
   precision.push_back(its_precision);
   white.push_back(its_white);
+  saturated_behind.push_back(is_saturated_behind ? 1 : 0);
 }
 
 void OutlinePixels::FillUp() {

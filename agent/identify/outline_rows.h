@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace rigcal::agent {
@@ -35,9 +36,12 @@ struct OutlinePixels {
   // How strongly white light shades the coverage of this pixel's channel, against the channel in
   // which the marker stands out most; 1 where all channels are measured.
   std::vector<float> white;
+  // The background behind is saturated: where the outline is there, is not known well.
+  std::vector<uint8_t> saturated_behind;
 
   void Clear();
-  void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1);
+  void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1,
+           bool is_saturated_behind = false);
   void FillUp();
   size_t size() const { return x.size(); }
 };

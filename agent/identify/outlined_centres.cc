@@ -6,21 +6,37 @@
 #include <optional>
 #include <vector>
 
+#include "agent/identify/outline_sectors.h"
+
 namespace rigcal::agent {
 namespace {
 
-constexpr double kLeastScatter = 0.3;
-constexpr double kShadingError = 0.012;         // radii, per relative slope of the light
+// Widths of the edge, per relative slope of the light: blur hides how light changes near the rim.
+constexpr double kShadingError = 0.05;
+// The same along the light: of Lambert's law, and of a polynomial in its place.
+constexpr double kWhiteError = 0.14, kNoWhiteError = 0.3, kAcrossWhiteError = 0.06;
 constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 constexpr double kHiddenError = 1;              // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
-constexpr double kOwnScatter = 1.8, kFollowed = 9;  // of a sphere, against the wand's
+constexpr double kLikeRadiusPx = 0.03, kLikeRadiusShare = 0.008;  // of one that is expected
+constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;
+// A sphere that is smaller than the others say and whose edge is that much less on its outline is
+// partly hidden.
+constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
+constexpr double kBackgroundPx = 0.3;  // of the edge, per step of the background over the contrast
+constexpr double kNeighbourPx = 0.1;   // of the edge, where something else is near
+constexpr double kHiddenPx = 0.1, kHiddenRatio = 3;
+constexpr double kShortPx = 0.2;  // against what diameter and distance say
+constexpr double kMostSaturatedBehind = 0.1;
+constexpr double kOddPx = 0.04, kOddError = 1;         // of the place, per error of the radius
+constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
+constexpr double kLikeStretchSigma = 0.02, kLeastRatio = 0.5;
 constexpr double kShaded = 8;  // slope_chi_squared of a sphere that is lit from one side
 constexpr double kUnknownSlope =
     0.5;  // of the slopes' variance by noise, over the root of their number
 constexpr double kLeastSlope = 0.005;
 constexpr double kEvenLight = 4;  // slope_chi_squared
-constexpr double kWhiteGain = 4;   // half a chi-squared
+constexpr double kWhiteGain = 4;  // half a chi-squared
 
 using FittedOutlines = absl::InlinedVector<std::optional<SphereOutline>, 3>;
 
@@ -77,6 +93,82 @@ FittedOutlines WithTheirLight(const OutlinedMarkers& markers, const VerifiedWand
   return light->white ? white : own;
 }
 
+std::vector<EdgeScatter> ScatterOf(const FittedOutlines& outlines) {
+  std::vector<const SphereOutline*> all;
+  for (const auto& outline : outlines) all.push_back(outline ? &*outline : nullptr);
+  return ScatterOfEdges(all);
+}
+
+double MedianOf(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+// The spheres are of one size and equally out of focus: with their distances the middle one of
+// three says how large each outline is and how soft. What hides a part of a sphere makes it
+// smaller, what is beside it larger and softer.
+OutlineExpectation ExpectationOf(const VerifiedWand& wand, const FittedOutlines& outlines,
+                                 size_t marker) {
+  OutlineExpectation expected;
+  if (wand.px_per_m.size() != outlines.size()) return expected;
+  std::vector<double> sizes_m, edges_px2, stretches_x, stretches_y;
+  for (size_t k = 0; k < outlines.size(); ++k) {
+    if (!outlines[k]) continue;
+    sizes_m.push_back(outlines[k]->radius_px / wand.px_per_m[k]);
+    edges_px2.push_back(ToSquare(outlines[k]->edge_px));
+    stretches_x.push_back(outlines[k]->stretch.x());
+    stretches_y.push_back(outlines[k]->stretch.y());
+  }
+  if (sizes_m.size() < 2) return expected;
+  const double own_m = outlines[marker]->radius_px / wand.px_per_m[marker];
+  const double size_m = MedianOf(sizes_m);
+  double spread_m = 0;  // of two none is the middle one
+  if (sizes_m.size() == 2) spread_m = std::abs(own_m - size_m);
+  expected.radius_px = size_m * wand.px_per_m[marker];
+  expected.radius_sigma_px =
+      kLikeRadiusPx + kLikeRadiusShare * expected.radius_px + 2 * spread_m * wand.px_per_m[marker];
+  if (sizes_m.size() > 2) {
+    expected.edge_px2 = MedianOf(edges_px2);
+    expected.edge_sigma_px2 = kEdgePx2 + kEdgeShare * expected.edge_px2;
+    expected.stretch = {MedianOf(stretches_x), MedianOf(stretches_y)};
+    expected.stretch_sigma = kLikeStretchSigma;
+  }
+  return expected;
+}
+
+// How much less the edge is on its outline than those of the others, as a ratio of variances.
+double EdgeRatio(const FittedOutlines& outlines, size_t marker) {
+  double squares = 0, freedom = 0;
+  for (size_t k = 0; k < outlines.size(); ++k) {
+    if (k == marker || !outlines[k]) continue;
+    squares += outlines[k]->edge_chi_squared;
+    freedom += outlines[k]->edge_freedom;
+  }
+  const double others = std::max(kLeastRatio, squares / std::max(1.0, freedom));
+  const SphereOutline& own = *outlines[marker];
+  return own.edge_chi_squared / std::max(1.0, own.edge_freedom) / others;
+}
+
+bool IsPartlyHidden(const VerifiedWand& wand, const FittedOutlines& outlines, size_t marker,
+                    const OutlineExpectation& expected, const OutlinePixels& pixels) {
+  const SphereOutline& own = *outlines[marker];
+  if (expected.radius_px > 0 &&
+      expected.radius_px - own.radius_px > std::max(kHiddenPx, 1.5 * expected.radius_sigma_px) &&
+      EdgeRatio(outlines, marker) > kHiddenRatio) {
+    return true;
+  }
+  // More than one may be.
+  if (!(wand.diameter_m > 0) || wand.px_per_m.size() != outlines.size()) return false;
+  // Before a saturated background any sphere looks smaller.
+  double saturated = 0;
+  for (const uint8_t one : pixels.saturated_behind) saturated += one;
+  if (saturated > kMostSaturatedBehind * static_cast<double>(pixels.size())) return false;
+  const double radius_px = 0.5 * wand.diameter_m * wand.px_per_m[marker];
+  return radius_px - own.radius_px > std::max(kShortPx, 1.5 * expected.radius_sigma_px) &&
+         own.edge_chi_squared > kHiddenRatio * std::max(1.0, own.edge_freedom);
+}
+
 }  // namespace
 
 void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter,
@@ -93,8 +185,6 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
   const bool shaded = chi_squared >= kShaded * count;
   const double slope_sigma = SlopeSigma(fitted);
   FittedOutlines outlines(markers.size());
-  // All spheres of a wand have the same mosaic, compression and blur.
-  double scatter = 0, freedom = 0;
   for (size_t k = 0; k < markers.size(); ++k) {
     if (!fitted[k]) continue;
     // Its light reaches the outline, but not the centroid, of which both sides are cut.
@@ -110,34 +200,69 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
       continue;
     }
     outlines[k] = outline;
-    scatter += outline.edge_chi_squared;
-    freedom += outline.edge_freedom;
   }
-  const double factor = std::max(kLeastScatter, freedom > 0 ? scatter / freedom : 1);
+  const std::vector<EdgeScatter> scatters = ScatterOf(outlines);
+  OutlinePixels discounted;
   for (size_t k = 0; k < markers.size(); ++k) {
     if (!wand->whole[k]) continue;
     MarkerCentre& centre = wand->centres[k];
+    double wrong_px = 0;
     if (outlines[k]) {
-      centre.centre_px = outlines[k]->centre_px;
-      // One that is worse than the others by more than chance has something of its own, which the
-      // fit has half followed.
-      const SphereOutline& own = *outlines[k];
-      const double others = std::max(
-          kLeastScatter, freedom > own.edge_freedom + 1
-                             ? (scatter - own.edge_chi_squared) / (freedom - own.edge_freedom)
-                             : factor);
-      const double excess =
-          own.edge_chi_squared / std::max(1.0, own.edge_freedom) / others - kOwnScatter;
-      centre.covariance_px2 =
-          (excess > 0 ? others * (kOwnScatter + kFollowed * excess) : factor) * own.covariance_px2;
+      SphereOutline outline = *outlines[k];
+      const OutlineExpectation expected = ExpectationOf(*wand, outlines, k);
+      light.slope_sigma = slope_sigma / std::sqrt(scatters[k].noise);
+      const EdgeScatter& scatter = scatters[k];
+      const double odd_px = expected.radius_px > 0 ? outline.radius_px - expected.radius_px : 0;
+      if (IsPartlyHidden(*wand, outlines, k, expected, *markers[k].pixels)) {
+        wand->whole[k] = false;
+        continue;
+      }
+      OutlineExpectation scaled = expected;
+      for (double* sigma :
+           {&scaled.radius_sigma_px, &scaled.edge_sigma_px2, &scaled.stretch_sigma}) {
+        *sigma /= std::sqrt(scatter.noise);
+      }
+      const bool is_odd = std::abs(odd_px) > 2 * expected.radius_sigma_px;
+      for (int round = 0; round < (is_odd ? 2 : 1); ++round) {
+        const SectorVariances extra = ExtraVariances(*markers[k].pixels, outline, scatter);
+        if (!is_odd && !(*std::max_element(extra.begin(), extra.end()) > 0)) break;
+        Discount(*markers[k].pixels, outline, extra, scatter.noise, &discounted);
+        SphereOutline again = outline;
+        if (!fitter->Fit(discounted, centre.second_moment_px2, light, &again, scaled)) break;
+        fitter->MeasureEdge(*markers[k].pixels, &again);
+        outline = again;
+      }
+      const double softer_px =
+          expected.edge_px2 > 0 ? std::abs(outlines[k]->edge_px - std::sqrt(expected.edge_px2)) : 0;
+      wrong_px = std::hypot(
+          kOddError * std::max(0.0, std::abs(odd_px) - kOddPx - expected.radius_sigma_px),
+          kSofterError * std::max(0.0, softer_px - kSofterPx));
+      outlines[k] = outline;
+      centre.centre_px = outline.centre_px;
+      // Of the sectors' mean, by what the background behind them may be.
+      const double background_px2 = std::max(ToSquare(kBackgroundPx * centre.background_steps),
+                                             centre.has_neighbour ? ToSquare(kNeighbourPx) : 0.0);
+      centre.covariance_px2 = scatter.noise * outline.covariance_px2 +
+                              kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     }
-    if (!fitted[k]) continue;
-    const SphereOutline& outline = *fitted[k];
-    double wrong_px = kHiddenError * outline.off_outline * outline.radius_px;
     // Light from one side is not quite a polynomial, and moves a centroid.
-    const double slope = std::min(slope_sigma * std::sqrt(2.0), outline.slope.norm());
-    wrong_px = std::hypot(wrong_px, (outlines[k] ? kShadingError : kCentroidShadingError) * slope *
-                                        outline.radius_px);
+    if (outlines[k]) {
+      const double slope = std::min(slope_sigma * std::sqrt(2.0), outlines[k]->slope.norm());
+      const double blurred_px = slope * outlines[k]->edge_px;
+      wrong_px =
+          std::hypot(wrong_px, (light.white ? kAcrossWhiteError : kShadingError) * blurred_px);
+      if (light.white && slope > 0) {
+        const double along_px = (outlines[k]->white ? kWhiteError : kNoWhiteError) * blurred_px;
+        const Eigen::Vector2d along = outlines[k]->slope.normalized();
+        centre.covariance_px2 += along_px * along_px * along * along.transpose();
+      }
+    } else {
+      wrong_px = kCentroidShadingError * slope_sigma * centre.radius_px;
+      if (fitted[k]) {
+        wrong_px =
+            std::hypot(wrong_px, kHiddenError * fitted[k]->off_outline * fitted[k]->radius_px);
+      }
+    }
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
   }
 }

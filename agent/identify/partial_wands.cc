@@ -33,7 +33,14 @@ constexpr double kWorkOfPixel = 0.25;  // against one that is measured
 // Of a part, against the whole marker.
 constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
                  kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
-constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 3;
+constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 1.5;
+// Of a sliver, blurred with what is around: as shares of the way from there to a whole marker.
+constexpr double kLeastSliverContrast = 50;  // grey levels, of a marker
+constexpr double kLeastCover = 0.2, kCoverSigmas = 4, kBusyCover = 0.1;
+constexpr double kCoverColour = 0.3;  // of the cover, across the way
+constexpr int kLeastSliverPixels = 3;
+constexpr double kLeastSliverPx = 1.5, kLeastSliverShare = 0.015, kSliverCost = 1.5;
+constexpr double kSliverPairCost = 4;  // of two markers that are worth the look
 constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
 
 double SquareOf(double x) { return x * x; }
@@ -168,6 +175,76 @@ std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre
   return part;
 }
 
+// A sliver is a pixel or two wide, so that each of its pixels is a mixture with what is around.
+// None where nothing is mixed with the others' colour, or everything around differs as much.
+std::optional<Part> LookForSliver(const ImageView& image, const Eigen::Vector2d& centre_px,
+                                  double radius_px, const Eigen::Vector3f& core, double* work) {
+  const double from = radius_px + kGapPx + kGapRadii * radius_px;
+  const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
+  const int left = std::max(0, static_cast<int>(std::ceil(centre_px.x() - to)));
+  const int right = std::min(image.width - 1, static_cast<int>(std::floor(centre_px.x() + to)));
+  const int top = std::max(0, static_cast<int>(std::ceil(centre_px.y() - to)));
+  const int bottom = std::min(image.height - 1, static_cast<int>(std::floor(centre_px.y() + to)));
+  const auto squared = [&](int x, int y) {
+    return SquareOf(x - centre_px.x()) + SquareOf(y - centre_px.y());
+  };
+  Eigen::Vector3f around = Eigen::Vector3f::Zero();
+  Eigen::Matrix3f moments = Eigen::Matrix3f::Zero();
+  int ring = 0;
+  for (int y = top; y <= bottom; ++y) {
+    for (int x = left; x <= right; ++x) {
+      if (squared(x, y) < from * from || squared(x, y) > to * to) continue;
+      const Eigen::Vector3f grey = GreyAt(image, x, y);
+      around += grey;
+      moments += grey * grey.transpose();
+      ++ring;
+    }
+  }
+  *work -= kWorkOfPixel * (right - left + 1) * (bottom - top + 1);
+  if (ring < 8) return std::nullopt;
+  around /= static_cast<float>(ring);
+  moments = moments / static_cast<float>(ring) - around * around.transpose();
+  const Eigen::Vector3f way = core - around;
+  const auto length = static_cast<double>(way.norm());
+  if (length < kLeastSliverContrast) return std::nullopt;
+  const Eigen::Vector3f unit = way / way.norm();
+  const double sigma =
+      std::sqrt(std::max(0.0, static_cast<double>(unit.dot(moments * unit)))) / length;
+  if (sigma > kBusyCover) return std::nullopt;
+  const double least = std::max(kLeastCover, kCoverSigmas * sigma);
+  const auto cover = [&](int x, int y) {
+    const Eigen::Vector3f grey = GreyAt(image, x, y) - around;
+    const float along = grey.dot(unit);
+    const auto share = static_cast<double>(along) / length;
+    const double across = static_cast<double>((grey - along * unit).norm()) / length;
+    return share >= least && across < kCoverColour * share + sigma ? std::min(share, 1.0) : 0.0;
+  };
+  ComponentSums sums;
+  double area_px = 0;
+  int disc = 0;
+  for (int y = std::max(top, 1); y <= std::min(bottom, image.height - 2); ++y) {
+    for (int x = std::max(left, 1); x <= std::min(right, image.width - 2); ++x) {
+      if (squared(x, y) > radius_px * radius_px) continue;
+      ++disc;
+      const double share = cover(x, y);
+      if (!(share > 0)) continue;
+      // Noise is alone.
+      if (!(cover(x - 1, y) + cover(x + 1, y) + cover(x, y - 1) + cover(x, y + 1) > 0)) continue;
+      area_px += share;
+      Count(x, y, &sums);
+    }
+  }
+  if (disc == 0 || sums.area < kLeastSliverPixels ||
+      area_px < std::max(kLeastSliverPx, kLeastSliverShare * disc)) {
+    return std::nullopt;
+  }
+  Part part;
+  part.share = area_px / disc;
+  part.cost = kSliverCost + kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
+  part.blob = ToBlob(sums, image);
+  return part;
+}
+
 // Where a marker must be, if the other two are so far away.
 struct Place {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
@@ -208,6 +285,9 @@ class PartSearch {
       ++found_.tried;
       std::optional<Part> part = LookAt(image_, place->centre_px, place->radius_px, core, &work_);
       if (!part) part = KnownAt(place->centre_px, place->radius_px, a, b);
+      if (!part && pair_cost < kSliverPairCost) {
+        part = LookForSliver(image_, place->centre_px, place->radius_px, core, &work_);
+      }
       if (!part) return;
       part->cost += place->size_cost;
       if (!best || part->cost < best->cost ||

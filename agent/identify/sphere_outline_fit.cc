@@ -21,11 +21,16 @@ constexpr int kMaxRounds = 20;
 constexpr double kSettledPx = 0.004, kSettledCost = 0.5;
 constexpr double kNearlyPx = 0.03, kNearlyCost = 2;  // is enough in the end
 constexpr double kSameCost = 1e-3;                   // single precision
-constexpr int kSectors = 16;
+constexpr size_t kSectors = kOutlineSectors;
 constexpr double kOffPx = 0.3, kOffShare = 0.03;  // of an edge that is not on the outline
 constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'
 
 }  // namespace
+
+size_t OutlineSector(double offset_x, double offset_y) {
+  const double turn = (std::atan2(offset_y, offset_x) / (2 * std::numbers::pi) + 0.5) * kSectors;
+  return std::min(static_cast<size_t>(turn), kSectors - 1);
+}
 
 Eigen::Matrix2d SphereOutline::SecondMoment() const {
   Eigen::Matrix2d w;
@@ -74,14 +79,15 @@ SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& 
   return system;
 }
 
-void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline) const {
-  std::array<double, kSectors> scores{}, informations{};
+void SphereOutlineFitter::ReadEdge(const OutlinePixels& pixels, SphereOutline* outline) const {
+  auto& scores = outline->sector_score;
+  auto& informations = outline->sector_information;
+  scores.fill(0), informations.fill(0);
   double all = 0;
   for (size_t i = 0; i < pixels.size(); ++i) {
     const Eigen::Vector2d d(static_cast<double>(pixels.x[i]) - outline->centre_px.x(),
                             static_cast<double>(pixels.y[i]) - outline->centre_px.y());
-    const double turn = (std::atan2(d.y(), d.x()) / (2 * std::numbers::pi) + 0.5) * kSectors;
-    const auto sector = std::min(static_cast<size_t>(turn), size_t{kSectors - 1});
+    const size_t sector = OutlineSector(d.x(), d.y());
     const auto slope = static_cast<double>(rows_.slope(kOutlineRadius, i));
     const auto weight = static_cast<double>(weight_[i]);
     scores[sector] += weight * slope * static_cast<double>(residual_[i]);
@@ -102,8 +108,14 @@ void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline
   }
 }
 
+void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline) {
+  Linearise(pixels, outline->parameters, outline->white);
+  ReadEdge(pixels, outline);
+}
+
 bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d& shape,
-                              const SphereShading& shading, SphereOutline* start) {
+                              const SphereShading& shading, SphereOutline* start,
+                              const OutlineExpectation& others) {
   if (pixels.size() < kFewest) return false;
   Vector q = Vector::Zero();
   q.head<2>() = start->centre_px;
@@ -117,7 +129,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   const double half = 0.5 * root.trace();
   q[kOutlineStretch] = 0.5 * (root(0, 0) - root(1, 1)) / half;
   q[kOutlineShear] = root(0, 1) / half;
-  const Vector expected = q;
+  Vector expected = q;
   if (start->parameters[kOutlineRadius] > 0) q = start->parameters;
   Vector prior = Vector::Zero();  // information
   const auto expect = [&](OutlineParameter parameter, double its_sigma) {
@@ -139,6 +151,18 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
     if (!start->white && lit > 0) q.segment<2>(kOutlineSlopeX) *= 2;
     if (!start->white) q[kOutlineBendAlong] = q[kOutlineBendDiagonal] = 0;
     if (!(lit > 0)) return false;
+  }
+  if (others.radius_px > 0) {
+    expected[kOutlineRadius] = others.radius_px;
+    expect(kOutlineRadius, others.radius_sigma_px);
+  }
+  if (others.stretch_sigma > 0) {
+    expected.segment<2>(kOutlineStretch) = -others.stretch;
+    for (const auto p : {kOutlineStretch, kOutlineShear}) expect(p, others.stretch_sigma);
+  }
+  if (others.edge_px2 > 0) {
+    expected[kOutlineEdge] = others.edge_px2;
+    expect(kOutlineEdge, others.edge_sigma_px2);
   }
   const auto linearise = [&](const Vector& at) {
     System system = Linearise(pixels, at, shading.white);
@@ -202,7 +226,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   start->brightness = q[kOutlineBrightness];
   start->centre_px = q.head<2>();
   start->radius_px = q[kOutlineRadius] / std::sqrt(std::max(0.1, 1 - start->stretch.squaredNorm()));
-  MeasureEdge(pixels, start);
+  ReadEdge(pixels, start);
   return start->covariance_px2.allFinite();
 }
 

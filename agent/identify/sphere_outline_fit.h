@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstddef>
 #include <vector>
 
 #include "agent/identify/outline_rows.h"
@@ -16,6 +18,20 @@ struct SphereShading {
   // is the marker's own light that is uneven, alike in all channels.
   bool white = false;
 };
+
+// What is expected of the outline by those of other spheres. 0 or less: not known.
+struct OutlineExpectation {
+  double radius_px = 0, radius_sigma_px = 0;
+  double edge_px2 = 0, edge_sigma_px2 = 0;  // of the square of the edge's softness
+  Eigen::Vector2d stretch = Eigen::Vector2d::Zero();
+  double stretch_sigma = 0;
+};
+
+// Of the outline, by direction.
+inline constexpr size_t kOutlineSectors = 16;
+
+// From 0; `offset` from the outline's centre.
+size_t OutlineSector(double offset_x, double offset_y);
 
 struct SphereOutline {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();  // of the ellipse
@@ -42,6 +58,9 @@ struct SphereOutline {
   Eigen::Matrix2d slope_covariance = Eigen::Matrix2d::Identity();
   // Of the slopes of brightness (two degrees of freedom): normal noise alone gives 2 in the mean.
   double slope_chi_squared = 0;
+  // Of the edge's place, sector by sector: score / information is how far outwards it is from the
+  // outline, in pixels, and 1 / information its variance by the pixels' noise.
+  std::array<double, kOutlineSectors> sector_score{}, sector_information{};
   Eigen::Matrix<double, kOutlineCount, 1> parameters =
       Eigen::Matrix<double, kOutlineCount, 1>::Zero();
 
@@ -73,7 +92,10 @@ class SphereOutlineFitter {
   // earlier fit. `shape`: second moment of the coverage, whose axes give the ellipse's prior shape.
   // False: it did not converge, or to something else than a sphere where `start` is.
   bool Fit(const OutlinePixels& pixels, const Eigen::Matrix2d& shape, const SphereShading& light,
-           SphereOutline* start);
+           SphereOutline* start, const OutlineExpectation& others = {});
+
+  // Where the edges of an outline are, sector by sector, in other pixels than it was fitted to.
+  void MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline);
 
  private:
   using Vector = Eigen::Matrix<double, kOutlineCount, 1>;
@@ -87,7 +109,7 @@ class SphereOutlineFitter {
     double squares = 0, weights = 0, slopes = 0;
   };
   System Linearise(const OutlinePixels& pixels, const Vector& parameters, bool white_light);
-  void MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline) const;
+  void ReadEdge(const OutlinePixels& pixels, SphereOutline* outline) const;
 
   OutlineRows rows_;
   std::vector<float> residual_, weight_;

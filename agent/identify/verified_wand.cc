@@ -7,8 +7,8 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kBrightnessSigma = 0.2;  // of its logarithm
-constexpr double kColourSigma = 0.12;     // rad
+constexpr double kBrightnessSigma = 0.2, kDarkBrightnessSigma = 0.4;  // of its logarithm
+constexpr double kColourSigma = 0.12;                                 // rad
 constexpr double kSkewness = 0.012;
 
 }  // namespace
@@ -30,7 +30,7 @@ double Lopsidedness(const VerifiedWand& wand) {
   return cost;
 }
 
-double Unlikeness(const VerifiedWand& wand) {
+double Unlikeness(const VerifiedWand& wand, bool in_room) {
   absl::InlinedVector<MarkerCentre, 3> centres;
   for (const MarkerCentre& centre : wand.centres) {
     if (centre.contrast_grey > 0) centres.push_back(centre);
@@ -42,12 +42,25 @@ double Unlikeness(const VerifiedWand& wand) {
     colour += centre.plateau_grey.normalized();
   }
   colour.normalize();
+  const double sigma = in_room ? kBrightnessSigma : kDarkBrightnessSigma;
   double cost = 0;
   for (const MarkerCentre& centre : centres) {
-    cost += std::pow((std::log(centre.plateau_grey.norm()) - mean) / kBrightnessSigma, 2);
+    cost += std::pow((std::log(centre.plateau_grey.norm()) - mean) / sigma, 2);
     cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / std::pow(kColourSigma, 2);
   }
   return cost;
+}
+
+double ColourDifference(const VerifiedWand& wand) {
+  double largest = 0;
+  for (const MarkerCentre& a : wand.centres) {
+    for (const MarkerCentre& b : wand.centres) {
+      if (!(a.contrast_grey > 0) || !(b.contrast_grey > 0)) continue;
+      largest =
+          std::max(largest, (a.plateau_grey.normalized() - b.plateau_grey.normalized()).norm());
+    }
+  }
+  return largest;
 }
 
 bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {

@@ -11,8 +11,10 @@ namespace rigcal::agent {
 struct VerifiedWand {
   absl::InlinedVector<int, 3> blobs;             // by marker
   absl::InlinedVector<MarkerCentre, 3> centres;  // by marker
-  absl::InlinedVector<bool, 3> whole;     // by marker: neither cut nor occluded nor disturbed
-  absl::InlinedVector<bool, 3> outlined;  // by marker: its outline says so, not its centroid
+  absl::InlinedVector<bool, 3> whole;       // by marker: neither cut nor occluded nor disturbed
+  absl::InlinedVector<bool, 3> outlined;    // by marker: its outline says so, not its centroid
+  absl::InlinedVector<double, 3> px_per_m;  // by marker, across the line of sight; by the pose
+  double diameter_m = 0;                    // of the spheres; 0: not known
   WandImageFit fit;
   double cost = 0;              // chi-squared of pose, shape and likeness
   double confidence = 0;        // 0 to 1, from the cost
@@ -28,8 +30,11 @@ inline constexpr double kOccludedCost = 7.5;
 // that were measured.
 double Lopsidedness(const MarkerCentre& centre);
 double Lopsidedness(const VerifiedWand& wand);
-// How unlike the markers that were measured are in brightness and colour, as a chi-squared.
-double Unlikeness(const VerifiedWand& wand);
+// How unlike the markers that were measured are in brightness and colour, as a chi-squared. LEDs
+// differ in brightness; in a lit room (`in_room`) other things differ more.
+double Unlikeness(const VerifiedWand& wand, bool in_room);
+// The largest between two markers that were measured, in rad.
+double ColourDifference(const VerifiedWand& wand);
 double MeanBrightness(const VerifiedWand& wand);  // grey levels, over all channels
 
 // No blob in common.

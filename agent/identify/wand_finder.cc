@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <tuple>
 
@@ -23,10 +24,10 @@ constexpr double kRadiusPx = 0.35, kRadiusShare = 0.1;  // the same of its radiu
 constexpr double kGate = 4;                             // sigma
 // Of possible ends, most alike in size first: with hundreds of blobs the work is bounded.
 constexpr size_t kMaxPairs = 20000;
-constexpr size_t kFewPairs = 1000;  // in whatever order they are tried
 // Of two markers of a wand against each other.
 constexpr float kPairBrightnessSigma = 0.42f, kPairColourSigma = 0.21f, kMaxUnlikeness = 12;
-constexpr float kUnlikenessShare = 0.1f;  // of it, against the logarithm of the radii's ratio
+// Of it and of the doubts, against the logarithm of the radii's ratio.
+constexpr float kUnlikenessShare = 0.1f;
 
 double PlaceSigma(double radius_px) { return kPlacePx + kPlaceShare * radius_px; }
 
@@ -197,11 +198,12 @@ void WandFinder::ListPairs() {
       const float unlikeness = Unlikeness(entries_[i], entries_[j]);
       if (unlikeness > kMaxUnlikeness || !EndsPossible(entries_[i], entries_[j])) continue;
       const double ratio = std::log(entries_[i].sight.radius_px / entries_[j].sight.radius_px);
-      pairs_.push_back({static_cast<float>(std::abs(ratio)) + kUnlikenessShare * unlikeness,
-                        static_cast<int>(i), static_cast<int>(j)});
+      const auto doubt = static_cast<float>(entries_[i].doubt + entries_[j].doubt);
+      pairs_.push_back(
+          {static_cast<float>(std::abs(ratio)) + kUnlikenessShare * (unlikeness + doubt),
+           static_cast<int>(i), static_cast<int>(j)});
     }
   }
-  if (pairs_.size() <= kFewPairs) return;
   std::sort(pairs_.begin(), pairs_.end(), [](const Pair& a, const Pair& b) {
     return std::tie(a.unlikeness, a.first, a.last) < std::tie(b.unlikeness, b.first, b.last);
   });
@@ -311,8 +313,10 @@ void WandFinder::Offer(const absl::InlinedVector<int, 3>& entries) {
   }
   if (!FitWand(sights, shares_, length_m_, fit_options_, &candidate.fit)) return;
   if (!(candidate.fit.cost <= kMaxCost)) return;
+  candidate.cost = candidate.fit.cost;
+  for (const int entry : entries) candidate.cost += entries_[static_cast<size_t>(entry)].doubt;
   const auto order = [](const WandCandidate& a, const WandCandidate& b) {
-    return std::tie(a.fit.cost, a.blobs) < std::tie(b.fit.cost, b.blobs);
+    return std::tie(a.cost, a.blobs) < std::tie(b.cost, b.blobs);
   };
   candidates_.insert(std::upper_bound(candidates_.begin(), candidates_.end(), candidate, order),
                      candidate);
@@ -321,15 +325,16 @@ void WandFinder::Offer(const absl::InlinedVector<int, 3>& entries) {
 
 const std::vector<WandCandidate>& WandFinder::Find(absl::Span<const Blob> blobs,
                                                    absl::Span<const int> kinds,
-                                                   absl::Span<const Eigen::Vector3f> colours) {
+                                                   absl::Span<const Eigen::Vector3f> colours,
+                                                   absl::Span<const double> doubts) {
   candidates_.clear();
   entries_.clear();
   fits_ = 0;
   for (size_t i = 0; i < blobs.size(); ++i) {
     AddEntry(static_cast<int>(i), blobs[i], i < kinds.size() ? kinds[i] : 0);
-    if (i >= colours.size() || entries_.empty() || entries_.back().blob != static_cast<int>(i)) {
-      continue;
-    }
+    if (entries_.empty() || entries_.back().blob != static_cast<int>(i)) continue;
+    if (i < doubts.size()) entries_.back().doubt = doubts[i];
+    if (i >= colours.size()) continue;
     const float brightness = std::max(1.0f, colours[i].norm());
     entries_.back().colour = colours[i] / brightness;
     entries_.back().brightness = std::log(brightness);
@@ -344,8 +349,12 @@ const std::vector<WandCandidate>& WandFinder::Find(absl::Span<const Blob> blobs,
   if (entries_.size() < shares_.size()) return candidates_;
   FillCells();
   ListPairs();
+  least_cost_left_ = std::numeric_limits<double>::infinity();
   for (const Pair& pair : pairs_) {
-    if (fits_ >= options_.max_fits) break;
+    if (fits_ >= options_.max_fits) {
+      least_cost_left_ = static_cast<double>(pair.unlikeness / kUnlikenessShare);
+      break;
+    }
     const Entry& a = entries_[static_cast<size_t>(pair.first)];
     const Entry& b = entries_[static_cast<size_t>(pair.last)];
     if (CanBeEnds(a, b)) SearchBetween(a, b);

@@ -41,7 +41,7 @@ struct WandFinderOptions {
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
   WandImageFit fit;
-  double cost = 0;          // as is known before it is measured; the finder leaves it to its caller
+  double cost = 0;          // as is known before it is measured; of the finder: of fit and doubts
   int partial = -1;         // the marker of which only a part is seen (FindPartialWands)
   double partial_cost = 0;  // that it is a part of one, as a chi-squared
 };
@@ -64,12 +64,14 @@ class WandFinder {
   WandFinder(const WandFinderOptions& options, const Target& target,
              const CameraDescription& camera);
 
-  // By cost, then by blob. `kinds`, of each blob, with WandFinderOptions::marker_kinds. `colours`,
-  // of each blob: grey levels by channel; blobs that clearly differ in it are not one wand's, the
-  // most alike are tried first. Until the next call.
+  // By the costs of pose and doubts, then by blob. `kinds`, of each blob, with
+  // WandFinderOptions::marker_kinds. `colours`, of each blob: grey levels by channel; blobs that
+  // clearly differ in it are not one wand's. `doubts`, of each blob: that it is a sphere, as a
+  // chi-squared. The most alike and least doubtful are tried first. Until the next call.
   const std::vector<WandCandidate>& Find(absl::Span<const Blob> blobs,
                                          absl::Span<const int> kinds = {},
-                                         absl::Span<const Eigen::Vector3f> colours = {});
+                                         absl::Span<const Eigen::Vector3f> colours = {},
+                                         absl::Span<const double> doubts = {});
 
   // Sets ray and scale of a marker's image around `centre_px`; the rest stays.
   // False where the lens has no ray.
@@ -82,6 +84,8 @@ class WandFinder {
   void LimitFits(int max_fits) { options_.max_fits = max_fits; }
   int fits() const { return fits_; }                             // of the last Find
   bool cut_short() const { return fits_ >= options_.max_fits; }  // the last Find, by max_fits
+  // Of what the last Find left out for that: about the least cost of its likeness and doubts.
+  double least_cost_left() const { return least_cost_left_; }
   // Moves the centre of a marker's image to the projection of the sphere's centre, where lens and
   // diameter are known.
   void ToSphereCentre(const WandImageFit& fit, size_t marker, MarkerObservation* observed) const;
@@ -94,6 +98,7 @@ class WandFinder {
     Eigen::Vector2d flat_px;  // image without distortion: lines are straight
     Eigen::Vector3f colour = Eigen::Vector3f::Zero();  // of length 1
     float brightness = 0;                              // its logarithm
+    double doubt = 0;
   };
   struct Pair {
     float unlikeness;
@@ -132,6 +137,7 @@ class WandFinder {
   int grid_width_ = 0, grid_height_ = 0;
   std::vector<int> between_;
   int fits_ = 0;  // since Find began
+  double least_cost_left_ = 0;
   std::vector<WandCandidate> candidates_;
 };
 

@@ -20,7 +20,8 @@ constexpr double kTriedCost = 1.15, kFewTried = 20;
 constexpr double kResolvedPx = 5.5, kUnresolvedCost = 2.7;  // per pixel of the radius
 constexpr double kTiltCost = 4;                             // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
-constexpr double kPartialCost = 4, kPartialUnlikeness = 3;
+constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
+                 kPartialChance = 0.5;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
@@ -34,9 +35,10 @@ constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside i
 constexpr int kNearRounds = 2;
 constexpr double kWorkOfFit = 1000;  // in the pixels that a measurement reads
 constexpr size_t kMaxOutlined = 6;
-constexpr double kNoOutlineCost = 9;
+constexpr double kNoOutlineCost = 9, kLargeNoOutlineCost = 3;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
 constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
+constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostMisfit = 2.5;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
 constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
@@ -72,21 +74,28 @@ double WandVerifier::ConfidenceOf(double cost) const {
 // None where the time for it is up.
 const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
                                                     absl::Span<const Blob> blobs, int blob) {
-  for (size_t i = 0; i < measured_count_; ++i) {
-    if (measured_[i].blob == blob) return &measured_[i];
+  int& index = measured_of_[static_cast<size_t>(blob)];
+  const Blob& seen = blobs[static_cast<size_t>(blob)];
+  for (size_t i = 0; index < 0 && i < measured_count_; ++i) {
+    const bool same =
+        measured_[i].blob_px == seen.centre_px && measured_[i].blob_area_px == seen.area_px;
+    if (same) index = static_cast<int>(i);
   }
-  const double work = MarkerMeter::WorkOf(blobs[static_cast<size_t>(blob)]);
+  if (index >= 0) return &measured_[static_cast<size_t>(index)];
+  const double work = MarkerMeter::WorkOf(seen);
   if (work > work_) {
     out_of_work_ = true;
     return nullptr;
   }
   work_ -= work;
   if (measured_count_ == measured_.size()) measured_.emplace_back();
+  index = static_cast<int>(measured_count_);
   Measured& measured = measured_[measured_count_++];
-  measured.blob = blob;
+  measured.blob_px = seen.centre_px;
+  measured.blob_area_px = seen.area_px;
   measured.tried = false;
   measured.outline.reset();
-  measured.good = meter_.Measure(image, blobs[static_cast<size_t>(blob)], &measured.centre) &&
+  measured.good = meter_.Measure(image, seen, &measured.centre) &&
                   measured.centre.contrast_grey >= kMinContrastGrey;
   if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
   return &measured;
@@ -146,7 +155,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   }
   const int count = static_cast<int>(wand.blobs.size());
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
-  if (wand.fit.cost + Unlikeness(wand) > kWorthRestoring) return std::nullopt;
+  if (wand.fit.cost + Unlikeness(wand, in_room_) > kWorthRestoring) return std::nullopt;
   if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {
     const VerifiedWand before = wand;
     Restore(image, blobs, &wand);
@@ -159,7 +168,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
   // Of all directions few are nearly along the line of sight.
-  wand.cost = wand.fit.cost + Unlikeness(wand) + Lopsidedness(wand) -
+  wand.cost = wand.fit.cost + Unlikeness(wand, in_room_) + Lopsidedness(wand) -
               kTiltCost * std::log(std::max(0.01, std::cos(wand.fit.tilt_rad)));
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (static_cast<int>(k) == candidate.partial) {
@@ -169,8 +178,13 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     }
   }
   if (occluded > 0 && in_room_) wand.cost += UnresolvedCost(wand);
-  // Without the third the other two must be the more alike.
-  if (candidate.partial >= 0) wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand);
+  // Without the third the other two must be the more alike. Fewer such sets fit by chance than of
+  // three things that are measured.
+  if (candidate.partial >= 0) {
+    wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand, in_room_) +
+                 Squared(ColourDifference(wand) / kPartialColourSigma) -
+                 (1 - kPartialChance) * chance_cost_;
+  }
   wand.confidence = ConfidenceOf(wand.cost);
   return wand;
 }
@@ -198,8 +212,18 @@ bool WandVerifier::FitPose(const WandFinder& finder, int partial, VerifiedWand* 
     wand->centres[part].radius_px = radius;
     LoosenSight(radius, &sights[part]);
   }
-  return sights.size() < 2 ||
-         FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand->fit);
+  wand->px_per_m.clear();
+  wand->diameter_m = finder.fit_options().diameter_m;
+  if (sights.size() < 2) return true;
+  if (!FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand->fit)) {
+    return false;
+  }
+  for (size_t k = 0; k < sights.size(); ++k) {
+    const double share = finder.shares()[k];
+    const Eigen::Vector3d at = (1 - share) * wand->fit.first_m + share * wand->fit.last_m;
+    wand->px_per_m.push_back(sights[k].scale_px / at.norm());
+  }
+  return true;
 }
 
 Verdict WandVerifier::Choose() {
@@ -236,9 +260,7 @@ Verdict WandVerifier::Choose() {
 }
 
 const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& image, int blob) {
-  const auto end = measured_.begin() + static_cast<ptrdiff_t>(measured_count_);
-  Measured& measured =
-      *std::find_if(measured_.begin(), end, [&](const Measured& m) { return m.blob == blob; });
+  Measured& measured = OfBlob(blob);
   if (measured.tried) return measured.outline;
   const double work = kWorkOfFit * (measured.centre.has_neighbour ? kNearRounds : 1);
   if (work > work_) {
@@ -284,13 +306,18 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
     const MarkerCentre& centre = wand.centres[k];
     const auto& outline = OutlineOf(image, wand.blobs[k]);
     if (!outline) {
-      cost += kNoOutlineCost;
+      // A notch, by the stick in front of it, is enough that none can be fitted to a large one.
+      cost += centre.radius_px > kResolvedPx ? kLargeNoOutlineCost : kNoOutlineCost;
       continue;
     }
     const double noise = centre.noise_grey / centre.contrast_grey;
     const double residual = outline->residual * std::hypot(noise, kMeterNoise);
-    cost +=
+    const double misfit =
         Squared(std::max(0.0, residual / std::hypot(noise, kOutlineNoise) - 1) / kResidualSigma);
+    // The stick, or its shadow, in front of a sphere that is round everywhere else.
+    const bool is_round =
+        outline->on_outline > kMostlyOnOutline && outline->off_outline < kHardlyOffOutline;
+    cost += is_round ? std::min(misfit, kMostMisfit) : misfit;
     cost += Squared(outline->off_outline / kOffOutlineSigma);
     const double sigma = kStretchSigma + kStretchSigmaPx / outline->radius_px;
     const double weight = 1 / Squared(sigma);
@@ -308,12 +335,15 @@ void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   OutlinedMarkers markers(wand->blobs.size());
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k] || !OutlineOf(image, wand->blobs[k])) continue;
-    const Measured& measured =
-        *std::find_if(measured_.begin(), measured_.end(),
-                      [&](const Measured& m) { return m.blob == wand->blobs[k]; });
+    const Measured& measured = OfBlob(wand->blobs[k]);
     markers[k] = {&*measured.outline, &measured.pixels};
   }
   SetOutlinedCentres(markers, &fitter_, wand);
+}
+
+void WandVerifier::StartImage() {
+  measured_count_ = 0;
+  meter_.StartImage();
 }
 
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
@@ -324,8 +354,7 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   work_ = *work;
   out_of_work_ = false;
   size_t count = 0;
-  measured_count_ = 0;
-  meter_.StartImage();
+  measured_of_.assign(blobs.size(), -1);
   evaluated_.clear();
   double best = kHalfCost;
   for (const WandCandidate& candidate : candidates) {
@@ -348,6 +377,7 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   }
   Verdict verdict = Choose();
   verdict.measured = count;
+  verdict.left_out = out_of_work_;
   *work = work_;
   if (verdict.wand) FitOutlines(image, &*verdict.wand);
   return verdict;

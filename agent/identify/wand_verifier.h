@@ -14,7 +14,8 @@ namespace rigcal::agent {
 struct Verdict {
   std::optional<VerifiedWand> wand;
   bool ambiguous = false;  // another one is as good; then `wand` is none
-  size_t measured = 0;     // of the candidates from the first one on; the rest was too much work
+  size_t measured = 0;     // of the candidates from the first one on
+  bool left_out = false;   // what was not measured was too much work, and not clearly worse
 };
 
 // Chooses among candidates by the brightness of their pixels: sub-pixel centres and radii against
@@ -28,6 +29,9 @@ class WandVerifier {
 
   explicit WandVerifier(double min_confidence) : min_confidence_(min_confidence) {}
 
+  // Before the first Verify of an image. What was measured of it is not measured again.
+  void StartImage();
+
   // Candidates by their costs; what is clearly worse than a wand that was found is not measured.
   // `tried`: sets of blobs of this image that were compared with the wand; the more, the better a
   // wand must be. `in_room`: of a lit room, in which much is as large as a small sphere. `work`:
@@ -38,13 +42,17 @@ class WandVerifier {
 
  private:
   struct Measured {
-    int blob = 0;
+    Eigen::Vector2d blob_px = Eigen::Vector2d::Zero();  // where and how large the blob is
+    int blob_area_px = 0;
     bool good = false;
     MarkerCentre centre;
     OutlinePixels pixels;
     bool tried = false;                    // to fit
     std::optional<SphereOutline> outline;  // shaded
   };
+  Measured& OfBlob(int blob) {
+    return measured_[static_cast<size_t>(measured_of_[static_cast<size_t>(blob)])];
+  }
   const Measured* Measure(const ImageView& image, absl::Span<const Blob> blobs, int blob);
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
@@ -66,7 +74,8 @@ class WandVerifier {
   SphereOutlineFitter fitter_;
   std::vector<Measured> measured_;  // the first measured_count_ are of this image
   size_t measured_count_ = 0;
-  double work_ = 0;  // left
+  std::vector<int> measured_of_;  // by blob of this Verify: index into measured_; -1: none
+  double work_ = 0;               // left
   bool out_of_work_ = false;
   std::vector<VerifiedWand> evaluated_;
 };

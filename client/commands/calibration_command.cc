@@ -18,6 +18,7 @@
 #include "client/results/calibration_export.h"
 #include "client/results/calibration_import.h"
 #include "client/tables/calibration_table.h"
+#include "client/tables/frame_table.h"
 #include "client/tables/residual_table.h"
 #include "common/export/undistorted.h"
 
@@ -247,6 +248,14 @@ ExitCode ShowAccuracy(const AccuracyCommandOptions& options, CommandContext& con
   ServerConnection server(context.server);
   return context.Show(server.Call(&CalibrationStub::GetAccuracy, request, kAccuracyTimeout),
                       FormatAccuracy);
+}
+
+ExitCode ExplainCalibration(const std::string& id, CommandContext& context) {
+  ServerConnection server(context.server);
+  return context.Show(server.CallWithId(&CalibrationStub::ExplainCalibration, id),
+                      [](const v1::ExplainCalibrationResponse& response) {
+                        return FormatInformation(response.id(), response.information());
+                      });
 }
 
 ExitCode ShowResiduals(const ResidualCommandOptions& options, CommandContext& context) {

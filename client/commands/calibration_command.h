@@ -65,6 +65,10 @@ struct ResidualCommandOptions {
   std::string camera;  // empty: all
 };
 
+// `rigcal calibration explain`: which part of the data holds which parameter. Returns the exit
+// code.
+ExitCode ExplainCalibration(const std::string& id, CommandContext& context);
+
 // `rigcal calibration residuals`: prints them camera by camera. Returns the exit code.
 ExitCode ShowResiduals(const ResidualCommandOptions& options, CommandContext& context);
 

@@ -59,12 +59,23 @@ void AddKinds(CLI::App* app, CalibrateOptions* options) {
                 "Solve all cameras, with the active calibration and its covariance as a prior")
       ->excludes(only);
   AddOption(app, "--parent", "ID", &options->calibration.parent_id,
-            "With --only and --refine: this calibration instead of the active one");
+            "With --only, --refine and --keep-frame: this calibration instead of the active one");
   AddCameras(app, "--fix-intrinsics", &options->calibration.fixed_intrinsics,
              "Keep the intrinsics of these cameras while those of others are refined");
   app->add_flag_callback(
       "--fix-offsets", [options] { options->calibration.time_offsets = Estimate::kFixed; },
       "Keep the time offsets as the clocks give them, as --time-offsets fixed");
+  CLI::Option* const keep = app->add_flag_callback(
+      "--keep-frame", [options] { options->calibration.frame = FrameChoice::kKeep; },
+      "End in the frame of the active calibration (or of --parent), aligned over the cameras that "
+      "did not move, or fail. Without it that is tried where the active calibration has an origin "
+      "of its own");
+  app->add_flag_callback(
+         "--own-frame", [options] { options->calibration.frame = FrameChoice::kOwn; },
+         "End in the frame of the reference camera, whatever the active calibration has")
+      ->excludes(keep)
+      ->excludes(only);
+  keep->excludes(only);
   AddOption(app, "--prior", "FILE|ID", &options->prior,
             "Use the intrinsics of this calibration, or of another program's file (with a . or /), "
             "instead of those of the sessions");
@@ -248,8 +259,10 @@ void AddCalibrationCommands(CommandParser& parser) {
   AddDiff(parser, group);
   AddAccuracy(parser, group);
   AddResiduals(parser, group);
-  AddOriginCommand(parser, group);
-  AddScaleCommand(parser, group);
+  add("explain", "Which sessions, spans of time and cameras hold which parameter",
+      ExplainCalibration);
+  AddOriginCommand(parser, group, /*rig=*/false);
+  AddScaleCommand(parser, group, /*rig=*/false);
 }
 
 }  // namespace rigcal::client

@@ -9,20 +9,21 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "client/commands/calibrate_command.h"
 #include "client/commands/command_parser.h"
 #include "client/commands/fetch_calibration.h"
 #include "client/output/output.h"
 #include "client/results/calibration_file.h"
-#include "client/results/marker_rows.h"
+#include "client/results/calibration_import.h"
 #include "client/results/origin_report.h"
-#include "common/origin/still_points.h"
+#include "common/origin/solve_origin.h"
 #include "common/status/status_macros.h"
 #include "common/target/target_file.h"
 
 namespace rigcal::client {
 namespace {
 
-constexpr size_t kMaxPathPoints = 150;
+constexpr double kRadPerDeg = 0.017453292519943295;
 
 absl::StatusOr<std::vector<double>> NumbersOf(const std::string& text, size_t count,
                                               const char* what) {
@@ -36,192 +37,145 @@ absl::StatusOr<std::vector<double>> NumbersOf(const std::string& text, size_t co
   return absl::InvalidArgumentError(absl::StrCat("'", text, "' is not ", what));
 }
 
-absl::StatusOr<std::vector<CameraRows>> RowsOfFolder(const CalibrationResult& calibration,
-                                                     const std::string& folder,
-                                                     CommandContext& context) {
-  std::vector<std::string> names;
-  for (const CalibratedCamera& camera : calibration.cameras) names.push_back(camera.camera);
-  RIGCAL_ASSIGN_OR_RETURN(MarkerRows rows, ReadMarkerRows(folder, names));
-  for (const std::string& warning : rows.warnings) context.console.Message(warning);
-  return std::move(rows.cameras);
+// What the options mean, without rows.
+absl::StatusOr<OriginRequest> RequestOf(const OriginCommandOptions& options) {
+  OriginRequest request = options.request;
+  if (!options.floor.empty() || options.floor_session) {
+    request.source = FrameSource::kFloor;
+  } else if (!options.path.empty() || options.path_session) {
+    request.source = FrameSource::kPath;
+  } else if (!options.points.empty()) {
+    request.source = FrameSource::kPoints;
+    RIGCAL_ASSIGN_OR_RETURN(const std::vector<GivenPoint> given,
+                            ReadTargetFile(options.points, PointLines::kWithPosition));
+    for (const GivenPoint& point : given) request.points.push_back(point.point);
+  } else if (!options.down.empty()) {
+    request.source = FrameSource::kDown;
+    RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> down,
+                            NumbersOf(options.down, 3, "three numbers X,Y,Z"));
+    std::ranges::copy(down, request.down.begin());
+  } else {
+    request.source = FrameSource::kTransform;
+    RIGCAL_ASSIGN_OR_RETURN(
+        const std::vector<double> given,
+        NumbersOf(options.transform, 7, "seven numbers X,Y,Z,QW,QX,QY,QZ (metres, quaternion)"));
+    std::copy_n(given.begin(), 3, request.translation_m.begin());
+    std::copy_n(given.begin() + 3, 4, request.rotation_wxyz.begin());
+  }
+  RIGCAL_RETURN_IF_ERROR(request.Validate());
+  return request;
 }
 
-TriangulationOptions TriangulationOf(const CalibrationResult& calibration,
-                                     const OriginCommandOptions& options) {
+std::string FolderOf(const OriginCommandOptions& options) {
+  return absl::StrCat(options.floor, options.path, options.data);
+}
+
+absl::StatusOr<std::vector<MarkerViews>> MeasureFolder(const CalibrationResult& calibration,
+                                                       const OriginRequest& request,
+                                                       const OriginCommandOptions& options,
+                                                       CommandContext& context) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<CameraRows> rows,
+                          FolderRows(calibration, FolderOf(options), context));
   TriangulationOptions triangulation;
   triangulation.sigma_px = options.sigma_px;
   triangulation.diameter_m = calibration.target.given.diameter_m;
-  return triangulation;
+  return MeasureForOrigin(calibration, request, rows, triangulation);
 }
 
-absl::StatusOr<std::vector<StillPoint>> StillPointsOf(const CalibrationResult& calibration,
-                                                      const std::string& folder,
-                                                      const OriginCommandOptions& options,
-                                                      CommandContext& context) {
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<CameraRows> rows,
-                          RowsOfFolder(calibration, folder, context));
-  StillOptions still;
-  still.min_still_s = options.still_s;
-  still.triangulation = TriangulationOf(calibration, options);
-  return FindStillPoints(calibration, rows, still);
-}
-
-absl::StatusOr<OriginSolution> OriginOfFloor(const CalibrationResult& calibration,
-                                             const OriginCommandOptions& options,
-                                             CommandContext& context) {
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<StillPoint> still,
-                          StillPointsOf(calibration, options.floor, options, context));
-  std::vector<OriginPoint> points;
-  size_t second = 0;
-  for (const StillPoint& point : still) {
-    if (point.place == still.front().place) second = points.size();
-    points.push_back({absl::StrCat("marker ", point.marker, " at place ", point.place + 1),
-                      point.position_m, point.noise_m2, point.gain, 0});
+absl::StatusOr<OriginReport> WriteOrigin(const std::string& which,
+                                         const OriginCommandOptions& options, OriginRequest request,
+                                         CommandContext& context) {
+  RIGCAL_ASSIGN_OR_RETURN(CalibrationFile file, FetchCalibrationFile(which, context));
+  RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
+  std::vector<MarkerViews> measured;
+  if (!FolderOf(options).empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(measured, MeasureFolder(calibration, request, options, context));
   }
-  return FloorOrigin(calibration, points, 0, second, options.height_m, options.origin);
-}
-
-// Evenly chosen points of a path.
-absl::StatusOr<OriginSolution> OriginOfPath(const CalibrationResult& calibration,
-                                            const OriginCommandOptions& options,
-                                            CommandContext& context) {
-  RIGCAL_ASSIGN_OR_RETURN(std::vector<CameraRows> rows,
-                          RowsOfFolder(calibration, options.path, context));
-  RIGCAL_ASSIGN_OR_RETURN(
-      const Triangulation path,
-      TriangulateRows(calibration, std::move(rows), TriangulationOf(calibration, options)));
-  const CameraCovariance covariance = UnpackCameraCovariance(calibration);
-  std::vector<OriginPoint> points;
-  size_t farthest = 0;
-  const size_t stride = path.points.size() / kMaxPathPoints + 1;
-  for (size_t i = 0; i < path.points.size(); i += stride) {
-    const TriangulatedPoint& point = path.points[i];
-    OriginPoint& added = points.emplace_back();
-    added.name = absl::StrCat("marker ", point.marker, " at ",
-                              1e-9 * static_cast<double>(point.rig_time_ns), " s");
-    added.position_m = point.position_m;
-    added.noise_m2 = point.noise_m2;
-    const auto fitted = FitPoint(calibration.cameras, point.views);
-    if (fitted && covariance.matrix.size() > 0) {
-      added.gain = PointGain(calibration.cameras, covariance, point.views, *fitted);
-    }
-    const auto away = [&](size_t j) {
-      return (points[j].position_m - points[0].position_m).norm();
-    };
-    if (away(points.size() - 1) > away(farthest)) farthest = points.size() - 1;
-  }
-  return FloorOrigin(calibration, points, 0, farthest, options.height_m, options.origin);
-}
-
-absl::StatusOr<OriginSolution> OriginOfPoints(const CalibrationResult& calibration,
-                                              const OriginCommandOptions& options,
-                                              CommandContext& context) {
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<GivenPoint> given,
-                          ReadTargetFile(options.points, PointLines::kWithPosition));
-  std::vector<OriginPoint> points;
-  std::vector<Eigen::Vector3d> known_m;
   std::vector<std::string> unseen;
-  const auto add = [&](const TargetPoint& point, OriginPoint measured) {
-    measured.name = point.label;
-    measured.sigma_m = point.sigma_m;
-    points.push_back(std::move(measured));
-    known_m.emplace_back(point.x_m, point.y_m, point.z_m);
-  };
-  std::vector<StillPoint> still;
-  if (!options.data.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(still, StillPointsOf(calibration, options.data, options, context));
-  }
-  for (size_t i = 0; i < given.size(); ++i) {
-    const TargetPoint& point = given[i].point;
-    const size_t before = points.size();
-    for (const StillPoint& seen : still) {
-      if (seen.marker != static_cast<int>(i) || seen.place != 0) continue;
-      add(point, {"", seen.position_m, seen.noise_m2, seen.gain, 0});
-    }
-    for (const CalibratedPoint& seen : calibration.target.static_points) {
-      if (!options.data.empty() || seen.label != point.label) continue;
-      add(point, {"", seen.position_m, Eigen::Matrix3d::Zero(), Eigen::Matrix3Xd(3, 0), 0});
-    }
-    if (points.size() == before) unseen.push_back(point.label);
-  }
+  OriginReport report;
+  const absl::StatusOr<OriginSolution> solution =
+      SolveOrigin(calibration, request, measured, {}, &unseen);
   if (!unseen.empty()) {
     context.console.Message(
         absl::StrCat("not seen by the rig, and left out: ", absl::StrJoin(unseen, ", ")));
   }
-  return PointOrigin(calibration, points, known_m, options.origin);
-}
-
-absl::StatusOr<OriginSolution> SolveOrigin(const CalibrationResult& calibration,
-                                           const OriginCommandOptions& options,
-                                           CommandContext& context) {
-  if (!options.floor.empty()) return OriginOfFloor(calibration, options, context);
-  if (!options.path.empty()) return OriginOfPath(calibration, options, context);
-  if (!options.points.empty()) return OriginOfPoints(calibration, options, context);
-  if (!options.down.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> down,
-                            NumbersOf(options.down, 3, "three numbers X,Y,Z"));
-    return LevelOrigin(calibration, Eigen::Vector3d(down[0], down[1], down[2]));
-  }
-  RIGCAL_ASSIGN_OR_RETURN(
-      const std::vector<double> given,
-      NumbersOf(options.transform, 7, "seven numbers X,Y,Z,QW,QX,QY,QZ (metres, quaternion)"));
-  const Eigen::Quaterniond rotation(given[3], given[4], given[5], given[6]);
-  if (std::abs(rotation.norm() - 1) > 1e-3) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("the quaternion of --transform has the length ", rotation.norm(), ", not 1"));
-  }
-  return GivenOrigin(calibration,
-                     {rotation.normalized(), Eigen::Vector3d(given[0], given[1], given[2])});
-}
-
-absl::StatusOr<OriginReport> MakeOrigin(const OriginCommandOptions& options,
-                                        CommandContext& context) {
-  RIGCAL_ASSIGN_OR_RETURN(CalibrationFile file, FetchCalibrationFile(options.calibration, context));
-  RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
-  OriginReport report;
-  RIGCAL_ASSIGN_OR_RETURN(report.solution, SolveOrigin(calibration, options, context));
-  SetResult(ChangeFrame(calibration, report.solution.change), &file);
-  RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.output, CalibrationText(file)));
-  report.calibration = options.calibration;
-  report.output = options.output;
+  RIGCAL_RETURN_IF_ERROR(solution.status());
+  report.solution = *solution;
+  SetResult(WithOrigin(calibration, file.calibration.id(), request.source, *solution), &file);
+  RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.target.output, CalibrationText(file)));
+  report.calibration = which;
+  report.output = options.target.output;
   return report;
+}
+
+// The server makes it, of the rows of a session or of what is seen in a folder.
+absl::StatusOr<v1::CreateCalibrationRequest> ServerRequest(const std::string& which,
+                                                           const OriginCommandOptions& options,
+                                                           OriginRequest request,
+                                                           CommandContext& context) {
+  if (!FolderOf(options).empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(const CalibrationFile file, FetchCalibrationFile(which, context));
+    RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
+    RIGCAL_ASSIGN_OR_RETURN(request.measured,
+                            MeasureFolder(calibration, request, options, context));
+  }
+  CalibrationOptions calibration_options;
+  calibration_options.kind = SolveKind::kOrigin;
+  calibration_options.parent_id = which;
+  calibration_options.sigma_px = options.sigma_px;
+  calibration_options.origin = std::move(request);
+  return MakeCalibrationRequest({}, calibration_options);
 }
 
 }  // namespace
 
 ExitCode SetOrigin(const OriginCommandOptions& options, CommandContext& context) {
-  return context.Show(MakeOrigin(options, context), FormatOrigin);
+  const absl::StatusOr<std::string> which = WhichCalibration(options.target, context);
+  if (!which.ok()) return context.Fail(which.status());
+  absl::StatusOr<OriginRequest> request = RequestOf(options);
+  if (!request.ok()) return context.Fail(request.status());
+  if (!options.target.output.empty()) {
+    return context.Show(WriteOrigin(*which, options, *std::move(request), context), FormatOrigin);
+  }
+  absl::StatusOr<v1::CreateCalibrationRequest> create =
+      ServerRequest(*which, options, *std::move(request), context);
+  if (!create.ok()) return context.Fail(create.status());
+  return DeriveOnServer(options.target, *which, *std::move(create), context);
 }
 
-void AddOriginCommand(CommandParser& parser, CLI::App* group) {
+void AddOriginCommand(CommandParser& parser, CLI::App* group, bool rig) {
   auto [app, options] = parser.AddCommand(
       group, "origin",
-      "The same calibration with another origin and axes, such as the floor as z = 0", SetOrigin);
-  AddArgument(app, "CALIBRATION",
-              "Id of a calibration, or the path (with a . or /) of an exported calibration.json",
-              &options->calibration);
-  AddOption(app, "--output", "FILE", &options->output, "calibration.json to write")->required();
+      rig ? "The active calibration of a rig with another origin and axes, such as the floor as "
+            "z = 0"
+          : "The same calibration with another origin and axes, such as the floor as z = 0",
+      SetOrigin);
+  AddFrameTarget(app, rig, &options->target);
   app->option_defaults()->group("One of these");
   AddOption(
       app, "--floor", "DIR", &options->floor,
       "Folder of rows in which the wand lies on the floor at two or three places: z = 0 is "
       "the floor, z up, the origin below marker 0 at the first place, x along the wand there");
+  app->add_flag("--on-floor", options->floor_session, "The same of the rows of --session");
   AddOption(app, "--points", "FILE", &options->points,
             "Named points with their coordinates in the new frame, a line with label, x, y, z and "
-            "sigma (m) for each; seen in --data in the order of the lines, or among the static "
-            "points of the calibration");
+            "sigma (m) for each; seen in --data or --session in the order of the lines or by the "
+            "labels of the session's target, or among the static points of the calibration");
   AddOption(app, "--path", "DIR", &options->path,
             "Folder of rows of a path in one plane, which becomes z = 0");
+  app->add_flag("--on-plane", options->path_session, "The same of the rows of --session");
   AddOption(app, "--down", "X,Y,Z", &options->down,
             "Direction of gravity in the rig frame: z is turned against it, the origin stays");
   AddOption(app, "--transform", "X,Y,Z,QW,QX,QY,QZ", &options->transform,
             "new_from_rig: metres and a unit quaternion");
   app->option_defaults()->group("Options");
-  AddOption(app, "--data", "DIR", &options->data, "Folder of rows in which --points are seen");
-  AddOption(app, "--height", "M", &options->height_m,
+  AddOption(app, "--data", "DIR", &options->data, "Folder of rows in which --points are seen")
+      ->needs("--points")
+      ->excludes("--session");
+  AddOption(app, "--height", "M", &options->request.height_m,
             "Height of the markers' centres above the floor, metres: their radius (default 0)")
       ->check(NumberBetween(-100, 100));
-  AddOption(app, "--still", "S", &options->still_s,
+  AddOption(app, "--still", "S", &options->request.still_s,
             "A place is where every marker rests for so long, seconds (default 0.5)")
       ->check(NumberBetween(0.05, 3600));
   AddOption(app, "--sigma-px", "PX", &options->sigma_px,
@@ -230,24 +184,37 @@ void AddOriginCommand(CommandParser& parser, CLI::App* group) {
       ->check(NumberBetween(1e-3, 100));
   app->add_option_function<double>(
          "--max-residual-mm",
-         [options = options](double mm) { options->origin.max_residual_m = mm / 1000; },
+         [options = options](double mm) { options->request.max_residual_m = mm / 1000; },
          "Largest accepted residual, root mean square, mm (default 5)")
       ->type_name("MM")
       ->check(NumberBetween(1e-3, 1e6));
-  AddOption(app, "--max-sigma-deg", "DEG", &options->origin.max_rotation_sigma_deg,
-            "Largest accepted one sigma of the axes, degrees (default 0.25)")
+  app->add_option_function<double>(
+         "--max-sigma-deg",
+         [options = options](double deg) {
+           options->request.max_rotation_sigma_rad = kRadPerDeg * deg;
+         },
+         "Largest accepted one sigma of the axes, degrees (default 0.25)")
+      ->type_name("DEG")
       ->check(NumberBetween(1e-6, 180));
-  app->add_flag_callback(
-      "--below", [options = options] { options->origin.cameras_above = false; },
-      "With --points: cameras may be below the points' plane");
-  app->parse_complete_callback([app = app] {
+  app->add_flag("--below", options->request.cameras_below,
+                "With --points: cameras may be below the points' plane");
+  app->parse_complete_callback([app = app, options = options] {
     size_t given = 0;
-    for (const char* name : {"--floor", "--points", "--path", "--down", "--transform"}) {
+    for (const char* name :
+         {"--floor", "--on-floor", "--points", "--path", "--on-plane", "--down", "--transform"}) {
       given += app->count(name);
     }
     if (given != 1) {
-      throw CLI::ValidationError("rigcal calibration origin",
-                                 "needs one of --floor, --points, --path, --down, --transform");
+      throw CLI::ValidationError(
+          app->get_display_name(),
+          "needs one of --floor, --on-floor, --points, --path, --on-plane, --down, --transform");
+    }
+    const bool of_session = options->floor_session || options->path_session;
+    if (of_session && options->target.session.empty()) {
+      throw CLI::ValidationError("--on-floor and --on-plane", "need --session");
+    }
+    if (!options->target.session.empty() && !of_session && options->points.empty()) {
+      throw CLI::ValidationError("--session", "goes with --on-floor, --on-plane or --points");
     }
   });
 }

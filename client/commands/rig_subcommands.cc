@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/command_parser.h"
 #include "client/commands/monitor_command.h"
+#include "client/commands/origin_command.h"
 #include "client/commands/rig_command.h"
+#include "client/commands/scale_command.h"
 
 namespace rigcal::client {
 namespace {
@@ -47,6 +49,8 @@ void AddRigCommands(CommandParser& parser) {
       group, "rollback", "Make the calibration active again that was so before", RollbackRig);
   AddArgument(rollback, "RIG", "Name of the rig", &rollback_options->id);
   AddReason(rollback, rollback_options);
+  AddOriginCommand(parser, group, /*rig=*/true);
+  AddScaleCommand(parser, group, /*rig=*/true);
   auto [monitor, mode] = parser.AddCommand(
       group, "monitor",
       "Whether the server compares every session of a rig with its active calibration",

@@ -7,21 +7,24 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "client/commands/calibrate_command.h"
 #include "client/commands/command_parser.h"
 #include "client/commands/fetch_calibration.h"
+#include "client/net/server_connection.h"
 #include "client/output/output.h"
 #include "client/results/calibration_file.h"
-#include "client/results/marker_rows.h"
 #include "client/results/scale_report.h"
 #include "client/results/triangulation_file.h"
-#include "common/scale/scale_fusion.h"
+#include "common/scale/solve_scale.h"
 #include "common/status/status_macros.h"
+#include "common/wire/camera_wire.h"
+#include "rigcal/v1/session_service.grpc.pb.h"
 
 namespace rigcal::client {
 namespace {
 
-constexpr double kDefaultDistanceSigmaM = 0.002;
-constexpr double kDefaultLengthSigmaM = 0.0005;
+// Of one length, sent to the server; written to a file, all of them count.
+constexpr size_t kMaxSentPairs = 500, kMaxPairs = 20'000;
 
 // "A,B,METRES" or "A,B,METRES,SIGMA_M".
 struct GivenLength {
@@ -55,101 +58,119 @@ absl::StatusOr<int> MarkerOf(const std::vector<std::string>& labels, const std::
                    labels.back(), ", counted as in the rows where the target names none"));
 }
 
-absl::Status AddLengths(const CalibrationResult& calibration, const CameraCovariance& covariance,
-                        const ScaleCommandOptions& options, CommandContext& context,
-                        std::vector<ScaleSource>* sources) {
-  if (options.lengths.empty()) return absl::OkStatus();
-  std::vector<std::string> names;
-  for (const CalibratedCamera& camera : calibration.cameras) names.push_back(camera.camera);
-  RIGCAL_ASSIGN_OR_RETURN(MarkerRows rows, ReadMarkerRows(options.data, names));
-  for (const std::string& warning : rows.warnings) context.console.Message(warning);
-  const std::vector<std::string> labels =
-      MarkerLabels(calibration.target.given, rows.cameras.front().rows.front().markers.size());
-  TriangulationOptions triangulation_options;
-  triangulation_options.sigma_px = options.sigma_px;
-  triangulation_options.diameter_m = calibration.target.given.diameter_m;
-  RIGCAL_ASSIGN_OR_RETURN(
-      const Triangulation triangulation,
-      TriangulateRows(calibration, std::move(rows.cameras), triangulation_options));
+// What the options mean; markers are named by `labels`.
+absl::StatusOr<ScaleRequest> RequestFrom(const ScaleCommandOptions& options,
+                                         const std::vector<std::string>& labels) {
+  ScaleRequest request;
+  for (const std::string& text : options.distances) {
+    RIGCAL_ASSIGN_OR_RETURN(const GivenLength given,
+                            ParseLength(text, CameraDistance::kDefaultSigmaM));
+    request.distances.push_back({given.a, given.b, given.length_m, given.sigma_m});
+  }
   for (const std::string& text : options.lengths) {
-    RIGCAL_ASSIGN_OR_RETURN(const GivenLength given, ParseLength(text, kDefaultLengthSigmaM));
+    RIGCAL_ASSIGN_OR_RETURN(const GivenLength given,
+                            ParseLength(text, KnownLength::kDefaultSigmaM));
     RIGCAL_ASSIGN_OR_RETURN(const int a, MarkerOf(labels, given.a));
     RIGCAL_ASSIGN_OR_RETURN(const int b, MarkerOf(labels, given.b));
-    RIGCAL_ASSIGN_OR_RETURN(ScaleSource source,
-                            ScaleOfMarkers(calibration, covariance, triangulation, a, b,
-                                           given.length_m, given.sigma_m));
-    source.name = absl::StrCat("length ", given.a, " to ", given.b);
-    sources->push_back(std::move(source));
+    request.lengths.push_back(
+        {a, b, given.length_m, given.sigma_m, absl::StrCat("length ", given.a, " to ", given.b)});
   }
-  return absl::OkStatus();
+  request.leave_out = options.leave_out;
+  RIGCAL_RETURN_IF_ERROR(request.Validate());
+  return request;
 }
 
-absl::StatusOr<std::vector<ScaleSource>> SourcesOf(const CalibrationResult& calibration,
-                                                   const CameraCovariance& covariance,
-                                                   const ScaleCommandOptions& options,
-                                                   CommandContext& context) {
-  std::vector<ScaleSource> sources;
-  if (absl::StatusOr<ScaleSource> target = ScaleOfTarget(calibration); target.ok()) {
-    sources.push_back(*std::move(target));
-  } else {
-    context.console.Message(std::string(target.status().message()));
-  }
-  for (const std::string& text : options.distances) {
-    RIGCAL_ASSIGN_OR_RETURN(const GivenLength given, ParseLength(text, kDefaultDistanceSigmaM));
-    RIGCAL_ASSIGN_OR_RETURN(
-        ScaleSource source,
-        ScaleOfCameras(calibration, covariance, given.a, given.b, given.length_m, given.sigma_m));
-    sources.push_back(std::move(source));
-  }
-  RIGCAL_RETURN_IF_ERROR(AddLengths(calibration, covariance, options, context, &sources));
-  for (const std::string& name : options.leave_out) {
-    const auto removed =
-        std::erase_if(sources, [&name](const ScaleSource& source) { return source.name == name; });
-    if (removed == 0) {
-      return absl::InvalidArgumentError(absl::StrCat("there is no source \"", name, "\""));
-    }
-  }
-  if (sources.empty()) return absl::InvalidArgumentError("no source of the scale is left");
-  return sources;
+// Names of the markers of the session's target.
+absl::StatusOr<std::vector<std::string>> LabelsOfSession(const std::string& session,
+                                                         CommandContext& context) {
+  ServerConnection server(context.server);
+  const auto found = SessionOf(server.CallWithId(&v1::SessionService::Stub::GetSession, session));
+  if (!found.ok()) return found.status();
+  RIGCAL_ASSIGN_OR_RETURN(const Target target, wire::FromProto(found->target()));
+  return MarkerLabels(target, static_cast<size_t>(target.marker_count()));
 }
 
-absl::StatusOr<ScaleReport> MakeScale(const ScaleCommandOptions& options, CommandContext& context) {
-  RIGCAL_ASSIGN_OR_RETURN(CalibrationFile file, FetchCalibrationFile(options.calibration, context));
+// The request with what the rows of the folder show of its lengths.
+absl::StatusOr<ScaleRequest> WithFolder(const CalibrationResult& calibration,
+                                        const ScaleCommandOptions& options, size_t max_pairs,
+                                        CommandContext& context) {
+  if (options.lengths.empty()) return RequestFrom(options, {});
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<CameraRows> rows,
+                          FolderRows(calibration, options.data, context));
+  const std::vector<std::string> labels =
+      MarkerLabels(calibration.target.given, rows.front().rows.front().markers.size());
+  RIGCAL_ASSIGN_OR_RETURN(ScaleRequest request, RequestFrom(options, labels));
+  TriangulationOptions triangulation;
+  triangulation.sigma_px = options.sigma_px;
+  triangulation.diameter_m = calibration.target.given.diameter_m;
+  RIGCAL_ASSIGN_OR_RETURN(request.measured,
+                          MeasureForScale(calibration, request, rows, triangulation, max_pairs));
+  return request;
+}
+
+absl::StatusOr<ScaleReport> WriteScale(const std::string& which, const ScaleCommandOptions& options,
+                                       CommandContext& context) {
+  RIGCAL_ASSIGN_OR_RETURN(CalibrationFile file, FetchCalibrationFile(which, context));
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
-  if (!calibration.scale_known) {
-    return absl::FailedPreconditionError(
-        "the calibration's own scale is not known; calibrate with --distance first");
-  }
-  const CameraCovariance covariance = UnpackCameraCovariance(calibration);
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<ScaleSource> sources,
-                          SourcesOf(calibration, covariance, options, context));
+  RIGCAL_ASSIGN_OR_RETURN(const ScaleRequest request,
+                          WithFolder(calibration, options, kMaxPairs, context));
   ScaleReport report;
-  report.calibration = options.calibration;
-  report.fusion = FuseScales(sources, covariance);
+  report.calibration = which;
+  RIGCAL_ASSIGN_OR_RETURN(report.fusion, FuseSources(calibration, request, request.measured));
   if (report.fusion.odd >= 0 || report.fusion.undecided) return report;
-  SetResult(Rescale(calibration, report.fusion.factor, report.fusion.sigma_rel), &file);
-  RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.output, CalibrationText(file)));
-  report.output = options.output;
+  SetResult(WithScale(calibration, file.calibration.id(), report.fusion), &file);
+  RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.target.output, CalibrationText(file)));
+  report.output = options.target.output;
   return report;
+}
+
+absl::StatusOr<v1::CreateCalibrationRequest> ServerScaleRequest(const std::string& which,
+                                                                const ScaleCommandOptions& options,
+                                                                CommandContext& context) {
+  CalibrationOptions calibration_options;
+  calibration_options.kind = SolveKind::kScale;
+  calibration_options.parent_id = which;
+  calibration_options.sigma_px = options.sigma_px;
+  if (!options.target.session.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::vector<std::string> labels,
+                            LabelsOfSession(options.target.session, context));
+    RIGCAL_ASSIGN_OR_RETURN(calibration_options.scale, RequestFrom(options, labels));
+  } else if (options.lengths.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(calibration_options.scale, RequestFrom(options, {}));
+  } else {
+    RIGCAL_ASSIGN_OR_RETURN(const CalibrationFile file, FetchCalibrationFile(which, context));
+    RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
+    RIGCAL_ASSIGN_OR_RETURN(calibration_options.scale,
+                            WithFolder(calibration, options, kMaxSentPairs, context));
+  }
+  return MakeCalibrationRequest({}, calibration_options);
 }
 
 }  // namespace
 
 ExitCode FuseScale(const ScaleCommandOptions& options, CommandContext& context) {
-  const absl::StatusOr<ScaleReport> report = MakeScale(options, context);
+  const absl::StatusOr<std::string> which = WhichCalibration(options.target, context);
+  if (!which.ok()) return context.Fail(which.status());
+  if (options.target.output.empty()) {
+    absl::StatusOr<v1::CreateCalibrationRequest> create =
+        ServerScaleRequest(*which, options, context);
+    if (!create.ok()) return context.Fail(create.status());
+    return DeriveOnServer(options.target, *which, *std::move(create), context);
+  }
+  const absl::StatusOr<ScaleReport> report = WriteScale(*which, options, context);
   const ExitCode code = context.Show(report, FormatScale);
   if (code != ExitCode::kOk || !report->output.empty()) return code;
-  return context.Fail(absl::FailedPreconditionError(DisagreementOf(report->fusion)));
+  return context.Fail(absl::FailedPreconditionError(
+      absl::StrCat(DisagreementOf(report->fusion), "; nothing was written")));
 }
 
-void AddScaleCommand(CommandParser& parser, CLI::App* group) {
+void AddScaleCommand(CommandParser& parser, CLI::App* group, bool rig) {
   auto [app, options] = parser.AddCommand(
-      group, "scale", "The scale of a calibration from several measured lengths together",
+      group, "scale",
+      rig ? "The scale of the active calibration of a rig from several measured lengths together"
+          : "The scale of a calibration from several measured lengths together",
       FuseScale);
-  AddArgument(app, "CALIBRATION",
-              "Id of a calibration, or the path (with a . or /) of an exported calibration.json",
-              &options->calibration);
-  AddOption(app, "--output", "FILE", &options->output, "calibration.json to write")->required();
+  AddFrameTarget(app, rig, &options->target);
   const auto add_list = [app = app](const char* name, const char* type,
                                     std::vector<std::string>* values, const std::string& what) {
     return AddOption(app, name, type, values, what)
@@ -159,17 +180,26 @@ void AddScaleCommand(CommandParser& parser, CLI::App* group) {
   add_list("--distance", "CAMERA,CAMERA,METRES[,SIGMA_M]", &options->distances,
            "Measured distance between the optical centres of two cameras, and its one sigma "
            "(default 0.002); may be repeated");
-  CLI::Option* const lengths = add_list(
+  add_list(
       "--length", "MARKER,MARKER,METRES[,SIGMA_M]", &options->lengths,
-      "Measured length between two markers of the rows in --data, such as the ends of a scale bar, "
-      "and its one sigma (default 0.0005); may be repeated");
-  lengths->needs(AddOption(app, "--data", "DIR", &options->data, "Folder of rows"));
+      "Measured length between two markers of the rows in --data or --session, such as the ends of "
+      "a scale bar, and its one sigma (default 0.0005); may be repeated");
+  AddOption(app, "--data", "DIR", &options->data, "Folder of rows")
+      ->needs("--length")
+      ->excludes("--session");
   add_list("--leave-out", "NAME", &options->leave_out,
            "Without this source, named as in the report (\"the target\"); may be repeated");
   AddOption(app, "--sigma-px", "PX", &options->sigma_px,
             "One sigma of each coordinate of a centre, pixels; without it as the calibration's "
             "residuals scatter")
       ->check(NumberBetween(1e-3, 100));
+  app->parse_complete_callback([options = options] {
+    const bool has_rows = !options->data.empty() || !options->target.session.empty();
+    if (options->lengths.empty() != !has_rows) {
+      throw CLI::ValidationError("--length",
+                                 "needs rows, of --data or --session, and they need it");
+    }
+  });
 }
 
 }  // namespace rigcal::client

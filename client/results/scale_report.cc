@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/results/scale_report.h"
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -55,28 +54,6 @@ std::string ToJson(const ScaleReport& report) {
                                {"from_others_sigmas", residual.from_others_sigmas}});
   }
   return JsonText(json);
-}
-
-std::string DisagreementOf(const ScaleFusion& fusion) {
-  if (fusion.undecided) {
-    const ScaleResidual& a = fusion.residuals[static_cast<size_t>(fusion.suspects[0])];
-    const ScaleResidual& b = fusion.residuals[static_cast<size_t>(fusion.suspects[1])];
-    return absl::StrCat("\"", a.name, "\" and \"", b.name, "\" disagree: the one is ",
-                        PercentOf(a.from_others_rel, 2), " % from what the rest says (",
-                        FormatFixed(std::abs(a.from_others_sigmas), 1), " sigmas), the other ",
-                        PercentOf(b.from_others_rel, 2), " % (",
-                        FormatFixed(std::abs(b.from_others_sigmas), 1),
-                        " sigmas), and nothing says which of them is wrong: measure both again, or "
-                        "a third, or leave one out; nothing was written");
-  }
-  if (fusion.odd < 0) return "";
-  const ScaleResidual& odd = fusion.residuals[static_cast<size_t>(fusion.odd)];
-  return absl::StrCat("\"", odd.name, "\" disagrees with the other sources of the scale: ",
-                      PercentOf(std::abs(odd.from_others_rel), 2), " % ",
-                      odd.from_others_rel > 0 ? "longer" : "shorter", " (",
-                      FormatFixed(std::abs(odd.from_others_sigmas), 1),
-                      " sigmas); measure it again, or go on with --leave-out \"", odd.name,
-                      "\"; nothing was written");
 }
 
 }  // namespace rigcal::client

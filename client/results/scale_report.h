@@ -17,7 +17,4 @@ struct ScaleReport {
 std::string FormatScale(const ScaleReport& report);
 std::string ToJson(const ScaleReport& report);
 
-// Why nothing was written: which source disagrees with the others, by how much, and what to do.
-std::string DisagreementOf(const ScaleFusion& fusion);
-
 }  // namespace rigcal::client

@@ -12,6 +12,7 @@
 #include "client/output/console.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
+#include "client/tables/frame_table.h"
 #include "client/tables/rig_table.h"
 #include "client/tables/session_table.h"
 #include "common/geometry/rigid_transform.h"
@@ -276,8 +277,11 @@ std::string FormatCameraUncertainty(const v1::Calibration& calibration) {
                   FormatFixed(sigma.time_offset_sigma_s() * kMsPerS, 3)});
   }
   if (table.empty()) return "";
-  return absl::StrCat("\nUncertainty, with ", Printable(calibration.reference_camera()),
-                      " held fixed\n", table.Format(2));
+  const std::string gauge =
+      calibration.reference_camera().empty()
+          ? ", that of the frame included"
+          : absl::StrCat(", with ", Printable(calibration.reference_camera()), " held fixed");
+  return absl::StrCat("\nUncertainty", gauge, "\n", table.Format(2));
 }
 
 // Errors on what was not used for the solve, with a headline; empty where there are none.
@@ -306,24 +310,30 @@ std::string FormatHeldOutErrors(const v1::Calibration& calibration) {
 }
 
 std::string FormatHead(const v1::Calibration& calibration) {
-  return Printable(
-      absl::StrCat("calibration  ", calibration.id(), " (rig ", calibration.rig(), ", version ",
-                   calibration.version(), "): ", EnumWord(calibration.state()),
-                   calibration.session_ids_size() == 1 ? "\nsession      " : "\nsessions     ",
-                   absl::StrJoin(calibration.session_ids(), ", "), "\n"));
+  return Printable(absl::StrCat(
+      "calibration  ", calibration.id(), " (rig ", calibration.rig(), ", version ",
+      calibration.version(), "): ", EnumWord(calibration.state()),
+      calibration.session_ids_size() == 1 ? "\nsession      " : "\nsessions     ",
+      calibration.session_ids().empty() ? std::string("none")
+                                        : absl::StrJoin(calibration.session_ids(), ", "),
+      "\n"));
 }
 
 std::string FormatResult(const v1::Calibration& calibration) {
   return absl::StrCat(
       "\nResiduals over the instants used, outliers included\n", FormatCameraResiduals(calibration),
-      "\nCameras in the rig frame, which is the frame of ",
-      Printable(calibration.reference_camera()),
-      " (x right, y down, z forward):\n"
+      "\nCameras in the rig frame",
+      calibration.reference_camera().empty()
+          ? std::string(" (below)")
+          : absl::StrCat(", which is the frame of ", Printable(calibration.reference_camera()),
+                         " (x right, y down, z forward)"),
+      ":\n"
       "centre, and orientation as axis times angle of rig_from_cam\n",
       FormatCameraPoses(calibration), FormatCameraUncertainty(calibration),
       FormatHeldOutErrors(calibration), "\ninstants used      ", calibration.instant_count(), "\n",
       FormatTargets(calibration), FormatScale(calibration), FormatSolver(calibration),
-      FormatTrajectory(calibration));
+      FormatTrajectory(calibration), calibration.has_frame() ? FormatFrame(calibration) : "",
+      FormatScaleSources(calibration));
 }
 
 }  // namespace

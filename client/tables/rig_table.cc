@@ -37,6 +37,21 @@ const char* VerdictText(v1::CameraDifference::Verdict verdict) {
   }
 }
 
+std::string HowDerived(const v1::CalibrationOptions& options) {
+  switch (options.kind()) {
+    case v1::CalibrationOptions::KIND_REPAIR:
+      return absl::StrCat("repaired ", absl::StrJoin(options.only_cameras(), ", "));
+    case v1::CalibrationOptions::KIND_REFINE:
+      return "refined";
+    case v1::CalibrationOptions::KIND_ORIGIN:
+      return "new origin";
+    case v1::CalibrationOptions::KIND_SCALE:
+      return "new scale";
+    default:
+      return options.frame() == v1::CalibrationOptions::FRAME_UNSPECIFIED ? "compared" : "frame";
+  }
+}
+
 const char* MonitorModeText(v1::MonitorMode mode) {
   switch (mode) {
     case v1::MONITOR_MODE_WATCH:
@@ -146,11 +161,8 @@ std::string FormatDerivation(const v1::Calibration& calibration) {
   std::string text;
   if (options.what_if()) text += "what-if            it can never become active\n";
   if (!options.parent_id().empty()) {
-    const char* const kind = options.kind() == v1::CalibrationOptions::KIND_REPAIR   ? "repaired "
-                             : options.kind() == v1::CalibrationOptions::KIND_REFINE ? "refined"
-                                                                                     : "compared";
-    absl::StrAppend(&text, "derived from       ", options.parent_id(), " (", kind,
-                    absl::StrJoin(options.only_cameras(), ", "), ")\n");
+    absl::StrAppend(&text, "derived from       ", options.parent_id(), " (", HowDerived(options),
+                    ")\n");
   }
   if (!calibration.held().empty()) {
     absl::StrAppend(&text, "held               ", absl::StrJoin(calibration.held(), ", "), "\n");

@@ -7,8 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "common/calibration/calibration_frame.h"
 #include "common/calibration/calibration_options.h"
 #include "common/calibration/finding_kind.h"
+#include "common/calibration/parameter_information.h"
 #include "common/camera/intrinsics.h"
 #include "common/geometry/rigid_transform.h"
 #include "common/status/refusal.h"
@@ -172,7 +174,7 @@ struct CalibrationResult {
   // Where the scale is not known: its distance from the reference camera is 1, the unit of every
   // length of the result, whatever the field is called.
   std::string unit_camera;
-  std::string reference_camera;
+  std::string reference_camera;  // its pose is the rig frame; empty: see `frame`
   uint32_t instant_count = 0;
   std::vector<CalibratedCamera> cameras;  // sorted by name
   CalibratedTarget target;                // of several the wand, if there is one
@@ -191,6 +193,9 @@ struct CalibrationResult {
   // intrinsics (fx fy cx cy and the coefficients). Empty: not computed.
   std::vector<double> camera_covariance;
   std::vector<CameraResiduals> residuals;  // sorted by name; empty: not kept
+  std::optional<CalibrationFrame> frame;   // none: that of the reference camera
+  std::optional<CalibrationScale> scale;   // where only the scale was changed
+  std::optional<CalibrationInformation> information;  // what holds the parameters
 };
 
 }  // namespace rigcal

@@ -52,10 +52,42 @@ void CheckCameras(const char* name, const std::vector<std::string>& cameras, Fau
   for (const std::string& camera : cameras) faults->Add(ValidateName(name, camera));
 }
 
+const char* NameOf(SolveKind kind) {
+  switch (kind) {
+    case SolveKind::kRefine:
+      return "a refinement";
+    case SolveKind::kRepair:
+      return "a repair";
+    case SolveKind::kOrigin:
+      return "a new origin";
+    default:
+      return "a new scale";
+  }
+}
+
+// Frame and scale.
+void CheckFrame(const CalibrationOptions& options, FaultList* faults) {
+  if ((options.kind == SolveKind::kOrigin) != options.origin.has_value()) {
+    faults->Add(options.origin ? "origin goes with KIND_ORIGIN"
+                               : "origin is not set: say what the frame is made from");
+  }
+  if ((options.kind == SolveKind::kScale) != options.scale.has_value()) {
+    faults->Add(options.scale ? "scale goes with KIND_SCALE"
+                              : "scale is not set: say which lengths are known");
+  }
+  if (options.origin) faults->Add(options.origin->Validate());
+  if (options.scale) faults->Add(options.scale->Validate());
+  if (static_cast<uint8_t>(options.frame) > static_cast<uint8_t>(FrameChoice::kKeepIfPossible)) {
+    faults->Add("frame is not known");
+  }
+  if (options.frame != FrameChoice::kDefault && options.kind != SolveKind::kFull) {
+    faults->Add("frame is for a full solve: every other kind keeps that of its parent");
+  }
+}
+
 void CheckDerivation(const CalibrationOptions& options, FaultList* faults) {
   if (options.kind != SolveKind::kFull && options.parent_id.empty()) {
-    faults->Add("parent_id is empty: a ",
-                options.kind == SolveKind::kRefine ? "refinement" : "repair",
+    faults->Add("parent_id is empty: ", NameOf(options.kind),
                 " needs the calibration that it derives from");
   }
   if ((options.kind == SolveKind::kRepair) == options.only_cameras.empty()) {
@@ -110,10 +142,11 @@ absl::Status CalibrationOptions::Validate() const {
              "from the cameras' periods", &faults);
   CheckRange("accept_m", accept_m, kMaxAcceptM, "1 % of the cameras' distance", &faults);
   if (known_distance) CheckDistance(*known_distance, &faults);
-  if (static_cast<uint8_t>(kind) > static_cast<uint8_t>(SolveKind::kRepair)) {
+  if (static_cast<uint8_t>(kind) > static_cast<uint8_t>(SolveKind::kScale)) {
     faults.Add("kind is not known");
   }
   CheckDerivation(*this, &faults);
+  CheckFrame(*this, &faults);
   CheckWhatIf(*this, &faults);
   return faults.Result("calibration options: ");
 }

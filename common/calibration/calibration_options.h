@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "common/calibration/frame_options.h"
 #include "common/camera/intrinsics.h"
 #include "common/target/target.h"
 
@@ -44,6 +45,21 @@ enum class SolveKind : uint8_t {
   kFull = 0,    // nothing
   kRefine = 1,  // all is solved, the parent with its covariance is a prior of the poses
   kRepair = 2,  // some cameras are solved, the poses of the others are the parent's
+  kOrigin = 3,  // nothing is solved: the parent in another frame
+  kScale = 4,   // nothing is solved: the parent with another scale
+};
+
+// The kinds that solve nothing.
+inline bool ChangesFrameOnly(SolveKind kind) {
+  return kind == SolveKind::kOrigin || kind == SolveKind::kScale;
+}
+
+// Which frame a full solve ends in.
+enum class FrameChoice : uint8_t {
+  kDefault = 0,         // that of the reference camera
+  kOwn = 1,             // likewise, though the active calibration has a frame of its own
+  kKeep = 2,            // that of the parent
+  kKeepIfPossible = 3,  // likewise, else that of the reference camera
 };
 
 // Intrinsics of one camera, instead of those of its sessions.
@@ -80,6 +96,15 @@ struct CalibrationOptions {
   std::vector<std::string> without_cameras, without_sessions;
   double from_s = 0, to_s = 0;           // after a camera's first row of a session; to_s 0: the end
   std::optional<Target> assumed_target;  // for that of the sessions
+  std::optional<OriginRequest> origin;   // of kOrigin
+  std::optional<ScaleRequest> scale;     // of kScale
+  FrameChoice frame = FrameChoice::kDefault;
+
+  // The parent is needed for the solve.
+  bool NeedsParent() const {
+    return kind != SolveKind::kFull || frame == FrameChoice::kKeep ||
+           frame == FrameChoice::kKeepIfPossible;
+  }
 
   friend bool operator==(const CalibrationOptions&, const CalibrationOptions&) = default;
   absl::Status Validate() const;

@@ -149,6 +149,7 @@ absl::StatusOr<std::vector<StillPoint>> FindStillPoints(const CalibrationResult&
                        ? PointGain(calibration.cameras, covariance, views, *fitted)
                        : Eigen::Matrix3Xd(3, 0);
       point.camera_count = static_cast<int>(views.size());
+      point.views = views;
     }
   }
   return still;

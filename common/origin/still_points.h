@@ -20,6 +20,7 @@ struct StillPoint {
   Eigen::Matrix3d noise_m2 = Eigen::Matrix3d::Zero();    // by the noise of the centres
   Eigen::Matrix3Xd gain;  // by the calibration's parameters (PointGain); no columns: no covariance
   int camera_count = 0;
+  std::vector<PixelView> views;  // means of the centres
 };
 
 struct StillOptions {

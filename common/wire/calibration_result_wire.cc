@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
+#include "common/wire/frame_wire.h"
 #include "common/wire/observation_wire.h"
 
 namespace rigcal::wire {
@@ -251,6 +252,8 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
     *proto->mutable_wand_volume()->mutable_min_m() = wire::ToProto(result.wand_volume->min_m);
     *proto->mutable_wand_volume()->mutable_max_m() = wire::ToProto(result.wand_volume->max_m);
   }
+  if (result.frame) *proto->mutable_frame() = wire::ToProto(*result.frame);
+  if (result.scale) *proto->mutable_scale() = wire::ToProto(*result.scale);
 }
 
 absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) {
@@ -290,6 +293,10 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
     result.wand_volume = {wire::FromProto(proto.wand_volume().min_m()),
                           wire::FromProto(proto.wand_volume().max_m())};
   }
+  if (proto.has_frame()) {
+    RIGCAL_ASSIGN_OR_RETURN(result.frame, wire::FromProto(proto.frame()));
+  }
+  if (proto.has_scale()) result.scale = wire::FromProto(proto.scale());
   return result;
 }
 

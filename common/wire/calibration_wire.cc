@@ -10,6 +10,7 @@
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_result_wire.h"
 #include "common/wire/camera_wire.h"
+#include "common/wire/frame_wire.h"
 #include "common/wire/observation_wire.h"
 #include "common/wire/time_wire.h"
 #include "rigcal/storage/v1/calibration.pb.h"
@@ -29,6 +30,12 @@ static_assert(static_cast<int>(TrajectoryChoice::kSpline) ==
 
 static_assert(static_cast<int>(SolveKind::kRefine) == v1::CalibrationOptions::KIND_REFINE);
 static_assert(static_cast<int>(SolveKind::kRepair) == v1::CalibrationOptions::KIND_REPAIR);
+static_assert(static_cast<int>(SolveKind::kOrigin) == v1::CalibrationOptions::KIND_ORIGIN);
+static_assert(static_cast<int>(SolveKind::kScale) == v1::CalibrationOptions::KIND_SCALE);
+static_assert(static_cast<int>(FrameChoice::kOwn) == v1::CalibrationOptions::FRAME_OWN);
+static_assert(static_cast<int>(FrameChoice::kKeep) == v1::CalibrationOptions::FRAME_KEEP);
+static_assert(static_cast<int>(FrameChoice::kKeepIfPossible) ==
+              v1::CalibrationOptions::FRAME_KEEP_IF_POSSIBLE);
 
 // What of options says how a calibration derives from another one.
 absl::Status ReadDerivation(const v1::CalibrationOptions& proto, CalibrationOptions* options) {
@@ -52,6 +59,11 @@ absl::Status ReadDerivation(const v1::CalibrationOptions& proto, CalibrationOpti
   if (proto.has_assumed_target()) {
     RIGCAL_ASSIGN_OR_RETURN(options->assumed_target, FromProto(proto.assumed_target()));
   }
+  if (proto.has_origin()) {
+    RIGCAL_ASSIGN_OR_RETURN(options->origin, FromProto(proto.origin()));
+  }
+  if (proto.has_scale()) options->scale = FromProto(proto.scale());
+  options->frame = static_cast<FrameChoice>(proto.frame());
   return absl::OkStatus();
 }
 
@@ -88,6 +100,9 @@ v1::CalibrationOptions ToProto(const CalibrationOptions& options) {
   proto.set_to_s(options.to_s);
   if (options.assumed_target) *proto.mutable_assumed_target() = ToProto(*options.assumed_target);
   proto.set_what_if(options.what_if);
+  if (options.origin) *proto.mutable_origin() = ToProto(*options.origin);
+  if (options.scale) *proto.mutable_scale() = ToProto(*options.scale);
+  proto.set_frame(static_cast<v1::CalibrationOptions::Frame>(options.frame));
   if (options.known_distance) {
     v1::KnownDistance* known = proto.mutable_known_distance();
     known->set_camera_a(options.known_distance->camera_a);
@@ -114,6 +129,10 @@ absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto
   if (!v1::CalibrationOptions::Kind_IsValid(proto.kind())) {
     return absl::InvalidArgumentError(
         absl::StrCat("options.kind: ", static_cast<int>(proto.kind()), " is not known"));
+  }
+  if (!v1::CalibrationOptions::Frame_IsValid(proto.frame())) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("options.frame: ", static_cast<int>(proto.frame()), " is not known"));
   }
   CalibrationOptions options;
   RIGCAL_RETURN_IF_ERROR(ReadDerivation(proto, &options));
@@ -224,6 +243,9 @@ std::string SerializeCalibration(const Calibration& calibration) {
         *stored.add_residuals() = ToProto(camera);
       }
     }
+    if (calibration.result && calibration.result->information) {
+      *stored.mutable_information() = ToProto(*calibration.result->information);
+    }
     stored.set_attempt_count(calibration.attempt_count);
     stored.SerializeToCodedStream(&output);
   }
@@ -242,6 +264,9 @@ absl::StatusOr<Calibration> ParseCalibration(std::string_view bytes) {
     calibration.result->camera_covariance.assign(packed.begin(), packed.end());
     for (const v1::CameraResiduals& camera : stored.residuals()) {
       calibration.result->residuals.push_back(FromProto(camera));
+    }
+    if (stored.has_information()) {
+      calibration.result->information = FromProto(stored.information());
     }
   }
   return calibration;

@@ -13,6 +13,9 @@ constexpr uint32_t kCameras = 1024;
 // Rows of a batch, and markers of all of them: max_batch_rows times the markers of a target.
 constexpr uint32_t kRows = 1 << 16;
 constexpr uint32_t kMarkers = 1 << 20;
+// Markers that a request brings itself, and the cameras that saw one of them.
+constexpr uint32_t kMeasured = 4096;
+constexpr uint32_t kViews = kCameras;
 
 constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.ActivateCalibrationRequest.id", .bytes = kName},
@@ -33,6 +36,8 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.CalibrationOptions.without_sessions", .count = 256, .bytes = kName},
     {.field = "rigcal.v1.CameraDescription.camera", .bytes = kName},
     {.field = "rigcal.v1.CameraDescription.source", .bytes = kWord},
+    {.field = "rigcal.v1.CameraDistance.camera_a", .bytes = kName},
+    {.field = "rigcal.v1.CameraDistance.camera_b", .bytes = kName},
     {.field = "rigcal.v1.CameraIntrinsics.camera", .bytes = kName},
     {.field = "rigcal.v1.CameraReport.camera", .bytes = kName},
     {.field = "rigcal.v1.CameraReport.refused", .count = 256},
@@ -64,6 +69,7 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.DiscardSessionRequest.id", .bytes = kName},
     {.field = "rigcal.v1.EndOfCapture.camera", .bytes = kName},
     {.field = "rigcal.v1.EndOfCapture.session_id", .bytes = kName},
+    {.field = "rigcal.v1.ExplainCalibrationRequest.id", .bytes = kName},
     {.field = "rigcal.v1.ExportCalibrationRequest.format", .bytes = kName},
     {.field = "rigcal.v1.ExportCalibrationRequest.id", .bytes = kName},
     {.field = "rigcal.v1.GetAccuracyRequest.id", .bytes = kName},
@@ -82,6 +88,8 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.Intrinsics.distortion", .count = 64},
     {.field = "rigcal.v1.KnownDistance.camera_a", .bytes = kName},
     {.field = "rigcal.v1.KnownDistance.camera_b", .bytes = kName},
+    {.field = "rigcal.v1.KnownLength.name", .bytes = kName},
+    {.field = "rigcal.v1.KnownPoint.label", .bytes = kWord},
     {.field = "rigcal.v1.LearnMaskRequest.camera", .bytes = kName},
     {.field = "rigcal.v1.LearnMaskRequest.rig", .bytes = kName},
     {.field = "rigcal.v1.ListActivationsRequest.rig", .bytes = kName},
@@ -95,6 +103,8 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.ListSessionsRequest.filter", .bytes = kText},
     {.field = "rigcal.v1.ListSessionsRequest.order_by", .bytes = kText},
     {.field = "rigcal.v1.ListSessionsRequest.page_token", .bytes = kText},
+    {.field = "rigcal.v1.MarkerView.camera", .bytes = kName},
+    {.field = "rigcal.v1.MarkerViews.views", .count = kViews},
     {.field = "rigcal.v1.MoveCameraRequest.agent_id", .bytes = kName},
     {.field = "rigcal.v1.MoveCameraRequest.camera", .bytes = kName},
     {.field = "rigcal.v1.MoveCameraRequest.rig", .bytes = kName},
@@ -113,6 +123,8 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.ObservationBatch.visible_mask", .count = kRows},
     {.field = "rigcal.v1.ObservationBatch.x_px", .count = kMarkers},
     {.field = "rigcal.v1.ObservationBatch.y_px", .count = kMarkers},
+    {.field = "rigcal.v1.OriginOptions.measured", .count = kMeasured},
+    {.field = "rigcal.v1.OriginOptions.points", .count = 256},
     {.field = "rigcal.v1.Preview.jpeg", .bytes = 4u << 20},
     {.field = "rigcal.v1.Preview.message", .bytes = kText},
     {.field = "rigcal.v1.PreviewInfo.camera", .bytes = kName},
@@ -125,6 +137,10 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.RevokeTokenRequest.id", .bytes = kName},
     {.field = "rigcal.v1.RollbackRigRequest.name", .bytes = kName},
     {.field = "rigcal.v1.RollbackRigRequest.reason", .bytes = kText},
+    {.field = "rigcal.v1.ScaleOptions.distances", .count = 256},
+    {.field = "rigcal.v1.ScaleOptions.leave_out", .count = 256, .bytes = kName},
+    {.field = "rigcal.v1.ScaleOptions.lengths", .count = 256},
+    {.field = "rigcal.v1.ScaleOptions.measured", .count = kMeasured},
     {.field = "rigcal.v1.SetDetectorColourRequest.camera", .bytes = kName},
     {.field = "rigcal.v1.SetDetectorColourRequest.rig", .bytes = kName},
     {.field = "rigcal.v1.SetRigMonitorRequest.name", .bytes = kName},

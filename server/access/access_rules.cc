@@ -23,6 +23,7 @@ constexpr AccessRule kAccessRules[] = {
     {"/rigcal.v1.CalibrationService/CompareCalibrations", kReaders},
     {"/rigcal.v1.CalibrationService/CreateCalibration", kOperators, true},
     {"/rigcal.v1.CalibrationService/DeleteCalibration", kOperators, true},
+    {"/rigcal.v1.CalibrationService/ExplainCalibration", kReaders},
     {"/rigcal.v1.CalibrationService/ExportCalibration", kReaders},
     {"/rigcal.v1.CalibrationService/GetAccuracy", kReaders},
     {"/rigcal.v1.CalibrationService/GetCalibration", kReaders},

@@ -56,6 +56,8 @@ constexpr ApiRoute kApiRoutes[] = {
      "Expected error at given points"},
     {"GET", "/v1/calibrations/{id}/residuals", "/rigcal.v1.CalibrationService/GetResiduals",
      "Residual vectors over the image and their histogram, by camera"},
+    {"GET", "/v1/calibrations/{id}/information", "/rigcal.v1.CalibrationService/ExplainCalibration",
+     "Which sessions, spans of time and cameras hold which parameter"},
     {"GET", "/v1/calibrations/{id}/exports", "/rigcal.v1.CalibrationService/ListExports",
      "The formats in which a calibration can be exported"},
     {"GET", "/v1/calibrations/{id}/exports/{format}",

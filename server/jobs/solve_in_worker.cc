@@ -83,8 +83,12 @@ struct PreparedInput {
 absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOptions& options,
                                          const std::atomic<bool>& cancelled,
                                          RefusalCounter* refused) {
-  RIGCAL_ASSIGN_OR_RETURN(const CalibrationPlan plan,
+  RIGCAL_ASSIGN_OR_RETURN(CalibrationPlan plan,
                           PlanCalibration(task.store, task.session_ids, refused));
+  // Without sessions there is no target of theirs.
+  if (plan.session_ids.empty() && task.parent != nullptr && task.parent->result) {
+    plan.target = task.parent->result->target.given;
+  }
   RIGCAL_ASSIGN_OR_RETURN(ScratchFile file, ScratchFile::Create(options.scratch_dir));
   PreparedInput input{std::move(file), 0, MarkersInMemory(plan)};
   SolveInputWriter writer(input.file.descriptor());

@@ -48,6 +48,13 @@ void FitAnswer(v1::Session* session) {
 }
 
 void FitAnswer(v1::Calibration* calibration) {
+  // What the request brought is for the solve.
+  if (calibration->options().has_origin()) {
+    calibration->mutable_options()->mutable_origin()->clear_measured();
+  }
+  if (calibration->options().has_scale()) {
+    calibration->mutable_options()->mutable_scale()->clear_measured();
+  }
   for (const size_t bytes : {64, 0}) {
     if (Fits(*calibration)) return;
     ShortenExamples(bytes, calibration->mutable_refused());

@@ -10,6 +10,7 @@
 #include "common/wire/calibration_result_wire.h"
 #include "common/wire/calibration_wire.h"
 #include "common/wire/camera_wire.h"
+#include "common/wire/frame_wire.h"
 #include "common/wire/request_traits.h"
 #include "rigcal/v1/calibration_service.grpc.pb.h"
 #include "server/rpc/answer_limits.h"
@@ -192,6 +193,24 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
       *response = DifferenceMessage(difference);
       response->set_id_a(a.id);
       response->set_id_b(b.id);
+      return absl::OkStatus();
+    });
+  }
+
+  grpc::Status ExplainCalibration(grpc::ServerContext*,
+                                  const v1::ExplainCalibrationRequest* request,
+                                  v1::ExplainCalibrationResponse* response) override {
+    return GuardedCall("ExplainCalibration", [&]() -> absl::Status {
+      RIGCAL_ASSIGN_OR_RETURN(const Calibration calibration, runner_.GetCalibration(request->id()));
+      if (!calibration.result) return NoResult(calibration);
+      if (!calibration.result->information) {
+        return absl::FailedPreconditionError(absl::StrCat(
+            "calibration ", calibration.id,
+            " keeps no figures of its information: it was made by an older version, or its data "
+            "leave something undetermined; calibrate its sessions again"));
+      }
+      response->set_id(calibration.id);
+      *response->mutable_information() = wire::ToProto(*calibration.result->information);
       return absl::OkStatus();
     });
   }

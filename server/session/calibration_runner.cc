@@ -89,8 +89,14 @@ absl::Status CalibrationRunner::QueueUnfinished() {
 absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
     std::vector<std::string> session_ids, CalibrationOptions options, CalibrationNote note) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  if (session_ids.empty()) {
+  const bool solves = !ChangesFrameOnly(options.kind);
+  if (session_ids.empty() && solves) {
     return absl::InvalidArgumentError("session_ids is empty; name at least one finished session");
+  }
+  if (session_ids.size() > 1 && !solves) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("session_ids names ", session_ids.size(),
+                     " sessions; a frame or scale is made from the rows of one"));
   }
   if (session_ids.size() > kMaxSessions) {
     return absl::InvalidArgumentError(absl::StrCat("session_ids names ", session_ids.size(),
@@ -106,13 +112,13 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
 
   std::lock_guard create(create_mutex_);
   // A repair is of what was recorded after the move: the sessions that are named.
-  if (options.kind != SolveKind::kRepair) {
+  if (solves && options.kind != SolveKind::kRepair) {
     RIGCAL_RETURN_IF_ERROR(AddContinuedSessions(&session_ids));
   }
   std::erase_if(session_ids, [&options](const std::string& id) {
     return std::ranges::find(options.without_sessions, id) != options.without_sessions.end();
   });
-  if (session_ids.empty()) {
+  if (session_ids.empty() && solves) {
     return absl::InvalidArgumentError("without_sessions leaves no session");
   }
   options.without_sessions.clear();  // done
@@ -129,7 +135,13 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
         queued, " calibrations are queued, which is the limit; ask again later, or cancel some"));
   }
   Calibration calibration;
-  calibration.rig = sessions.front().rig;
+  if (sessions.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(const Calibration parent, store_->GetCalibration(options.parent_id));
+    calibration.rig = parent.rig;
+  } else {
+    calibration.rig = sessions.front().rig;
+  }
+  RIGCAL_RETURN_IF_ERROR(ChooseFrame(calibration.rig, &options));
   calibration.session_ids = std::move(session_ids);
   calibration.options = std::move(options);
   calibration.create_utc_ns = UtcNowNs(options_.utc_now_ns);
@@ -147,12 +159,56 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   return calibration;
 }
 
+absl::Status CalibrationRunner::ChooseFrame(const std::string& rig,
+                                            CalibrationOptions* options) const {
+  // What only looks, such as a monitor, needs no frame.
+  const bool by_default = options->frame == FrameChoice::kDefault && !options->what_if;
+  const bool keeps =
+      options->frame == FrameChoice::kKeep || options->frame == FrameChoice::kKeepIfPossible;
+  if (options->kind != SolveKind::kFull || !options->parent_id.empty() || !(by_default || keeps)) {
+    return absl::OkStatus();
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<Activation> latest, store_->ListActivations(rig, 1));
+  const absl::StatusOr<Calibration> active =
+      latest.empty() ? absl::NotFoundError("no calibration of it is active")
+                     : store_->GetCalibration(latest.front().calibration_id);
+  if (keeps) {
+    if (active.ok()) options->parent_id = active->id;
+    if (active.ok() || options->frame == FrameChoice::kKeepIfPossible) return absl::OkStatus();
+    return absl::FailedPreconditionError(
+        absl::StrCat("there is no frame of rig '", rig,
+                     "' to keep: ", std::string(active.status().message()), "; name a parent"));
+  }
+  if (!active.ok() || !active->result || !active->result->frame ||
+      !active->result->frame->IsOwn()) {
+    return absl::OkStatus();
+  }
+  options->frame = FrameChoice::kKeepIfPossible;
+  options->parent_id = active->id;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<Calibration>> CalibrationRunner::ParentOf(
+    const CalibrationOptions& options) const {
+  if (!options.NeedsParent()) return std::nullopt;
+  absl::StatusOr<Calibration> parent = store_->GetCalibration(options.parent_id);
+  // Its frame cannot be kept then, and the result says so.
+  if (!parent.ok() && options.frame == FrameChoice::kKeepIfPossible) return std::nullopt;
+  RIGCAL_RETURN_IF_ERROR(parent.status());
+  // Not needed by a solve, and large.
+  if (parent->result && !ChangesFrameOnly(options.kind)) parent->result->residuals.clear();
+  return std::optional<Calibration>(*std::move(parent));
+}
+
 absl::Status CalibrationRunner::Derive(const std::vector<Session>& sessions,
                                        Calibration* calibration) const {
   const CalibrationOptions& options = calibration->options;
-  calibration->held = HeldBy(options, sessions);
-  if (options.parent_id.empty()) return CheckDerivation(options, sessions, nullptr);
+  if (options.parent_id.empty()) {
+    calibration->held = HeldBy(options, sessions, nullptr);
+    return CheckDerivation(options, sessions, nullptr);
+  }
   RIGCAL_ASSIGN_OR_RETURN(const Calibration parent, store_->GetCalibration(options.parent_id));
+  calibration->held = HeldBy(options, sessions, &parent);
   return CheckDerivation(options, sessions, &parent);
 }
 
@@ -316,18 +372,13 @@ void CalibrationRunner::Solve(Calibration* calibration) {
   };
   hooks.cancelled = &interrupted_;
   const auto start = std::chrono::steady_clock::now();
-  std::optional<Calibration> parent;
-  if (calibration->options.kind != SolveKind::kFull) {
-    absl::StatusOr<Calibration> found = store_->GetCalibration(calibration->options.parent_id);
-    if (!found.ok()) return Fail(std::string(found.status().message()), calibration);
-    parent = *std::move(found);
-    if (parent->result) parent->result->residuals.clear();  // not needed, and large
-  }
+  const absl::StatusOr<std::optional<Calibration>> parent = ParentOf(calibration->options);
+  if (!parent.ok()) return Fail(std::string(parent.status().message()), calibration);
   CalibrationOutcome outcome = solve_({.store = *store_,
                                        .session_ids = calibration->session_ids,
                                        .max_observations = options_.max_observations,
                                        .options = calibration->options,
-                                       .parent = parent ? &*parent : nullptr},
+                                       .parent = *parent ? &**parent : nullptr},
                                       hooks);
   calibration->duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

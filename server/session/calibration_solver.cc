@@ -21,6 +21,8 @@ SolveFunction SolveInProcess(CalibrateFunction calibrate) {
         task.store, task.session_ids, task.max_observations, *hooks.cancelled, &refused);
     if (!input.ok()) return CannotRead(input.status(), refused);
     if (task.parent != nullptr) input->parent = task.parent->result;
+    // Without sessions there is no target of theirs.
+    if (task.session_ids.empty() && input->parent) input->target = input->parent->target.given;
     return calibrate(*input, task.options, hooks);
   };
 }

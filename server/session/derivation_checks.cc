@@ -51,6 +51,26 @@ absl::Status CheckSize(const std::string& camera, const std::string& from, const
                    " x ", found->second.height, "; give those of the same resolution and crop"));
 }
 
+// A frame or scale takes rows of any two cameras of the parent.
+absl::Status CheckFrameSessions(const Calibration& parent, const SizesByCamera& cameras) {
+  if (cameras.empty()) return absl::OkStatus();
+  std::vector<std::string> known, unknown;
+  for (const auto& [camera, size] : cameras) {
+    const bool has = std::ranges::find(parent.result->cameras, camera, &CalibratedCamera::camera) !=
+                     parent.result->cameras.end();
+    (has ? known : unknown).push_back(camera);
+  }
+  for (const CalibratedCamera& camera : parent.result->cameras) {
+    RIGCAL_RETURN_IF_ERROR(CheckSize(camera.camera, absl::StrCat("in calibration ", parent.id),
+                                     camera.image_size_px, cameras));
+  }
+  if (known.size() >= 2) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("the session has ", known.size(), " of the cameras of calibration ", parent.id,
+                   ", and points need two",
+                   unknown.empty() ? "" : "; not in it: ", absl::StrJoin(unknown, ", ")));
+}
+
 absl::Status CheckParent(const CalibrationOptions& options, const std::string& rig,
                          const Calibration& parent) {
   const std::string name = absl::StrCat("calibration ", parent.id, " cannot be derived from: ");
@@ -115,23 +135,38 @@ absl::Status CheckDerivation(const CalibrationOptions& options, absl::Span<const
     RIGCAL_RETURN_IF_ERROR(CheckSize(given.camera, "as given", given.image_size_px, cameras));
   }
   if (parent == nullptr) return absl::OkStatus();
-  RIGCAL_RETURN_IF_ERROR(CheckParent(options, sessions.front().rig, *parent));
+  const std::string& rig = sessions.empty() ? parent->rig : sessions.front().rig;
+  RIGCAL_RETURN_IF_ERROR(CheckParent(options, rig, *parent));
+  if (ChangesFrameOnly(options.kind)) return CheckFrameSessions(*parent, cameras);
   return options.kind == SolveKind::kFull ? absl::OkStatus()
                                           : CheckHeldCameras(options, *parent, cameras);
 }
 
 std::vector<std::string> HeldBy(const CalibrationOptions& options,
-                                absl::Span<const Session> sessions) {
+                                absl::Span<const Session> sessions, const Calibration* parent) {
   std::vector<std::string> held;
+  if (options.kind == SolveKind::kOrigin) return {"everything but the frame"};
+  if (options.kind == SolveKind::kScale) return {"everything but the scale"};
   const bool keeps_intrinsics =
       options.intrinsics == Estimate::kFixed ||
       (options.intrinsics == Estimate::kDefault && options.kind != SolveKind::kFull);
+  // A refinement goes on with the lenses that its parent has refined.
+  const auto is_refined_by_parent = [&](const std::string& camera) {
+    if (options.kind != SolveKind::kRefine || options.intrinsics != Estimate::kDefault ||
+        parent == nullptr || !parent->result) {
+      return false;
+    }
+    const auto known =
+        std::ranges::find(parent->result->cameras, camera, &CalibratedCamera::camera);
+    return known != parent->result->cameras.end() && known->intrinsics_refined;
+  };
   for (const auto& [camera, size] : SizesOf(sessions)) {
     if (IsNamed(options.without_cameras, camera)) continue;
     if (options.kind == SolveKind::kRepair && !IsNamed(options.only_cameras, camera)) {
       held.push_back(absl::StrCat("pose of ", camera));
     }
-    if (keeps_intrinsics || IsNamed(options.fixed_intrinsics, camera)) {
+    if ((keeps_intrinsics && !is_refined_by_parent(camera)) ||
+        IsNamed(options.fixed_intrinsics, camera)) {
       held.push_back(absl::StrCat("intrinsics of ", camera));
     }
   }

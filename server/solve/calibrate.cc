@@ -6,6 +6,8 @@
 #include <map>
 #include <memory>
 #include <new>
+#include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -19,11 +21,14 @@
 #include "server/solve/derivation.h"
 #include "server/solve/diagnose/odd_camera.h"
 #include "server/solve/evaluate/evaluated_solve.h"
+#include "server/solve/evaluate/parameter_information.h"
 #include "server/solve/evaluate/pose_covariance.h"
 #include "server/solve/evaluate/pose_prior.h"
 #include "server/solve/evaluate/quality_gate.h"
 #include "server/solve/evaluate/restart.h"
+#include "server/solve/frame_derivation.h"
 #include "server/solve/input_checks.h"
+#include "server/solve/kept_frame.h"
 #include "server/solve/rig/held_rig.h"
 #include "server/solve/time_search_report.h"
 
@@ -314,7 +319,9 @@ absl::Status Refine(const RigObservations& rig, const CalibrationOptions& option
                     const std::map<std::string, CameraCounts>& counts,
                     const RefusalCounter& refused, Solved* solved) {
   RIGCAL_RETURN_IF_ERROR(CheckOthersStayed(options, parent, solved->result));
-  RIGCAL_ASSIGN_OR_RETURN(RigPoses prior, PosesOf(parent));
+  const bool with_lenses = options.intrinsics == Estimate::kRefined;
+  RIGCAL_ASSIGN_OR_RETURN(RigPoses prior,
+                          PosesOf(parent, {}, with_lenses ? LensRows::kOwn : LensRows::kInPoses));
   if (const int fixed = prior.Find(options.reference_camera); fixed >= 0) {
     HoldFixed(static_cast<size_t>(fixed), &prior);
     MoveToFrameOf(
@@ -332,20 +339,82 @@ absl::Status Refine(const RigObservations& rig, const CalibrationOptions& option
   return absl::OkStatus();
 }
 
-// With the defaults of its kind: a repair or refinement keeps the parent's intrinsics.
+// A full solve in the frame that the options ask for; a refinement in that of its parent where that
+// is not a reference camera's.
+absl::StatusOr<CalibrationResult> InFrame(CalibrationResult result,
+                                          const CalibrationOptions& options,
+                                          const std::optional<CalibrationResult>& parent) {
+  const bool has_own = parent && parent->frame && parent->frame->IsOwn();
+  if (options.kind == SolveKind::kRepair) {
+    if (has_own) result.frame = InheritedFrame(*parent, options.parent_id);
+    return result;
+  }
+  const bool must_keep =
+      options.kind == SolveKind::kRefine ? has_own : options.frame == FrameChoice::kKeep;
+  if (!must_keep && options.frame != FrameChoice::kKeepIfPossible) return result;
+  absl::StatusOr<CalibrationResult> kept =
+      parent ? KeepFrame(*parent, options.parent_id, result)
+             : absl::NotFoundError(absl::StrCat("calibration ", options.parent_id,
+                                                ", whose frame was to be kept, is not there"));
+  if (kept.ok() || must_keep) return kept;
+  result.frame.emplace();
+  result.frame->source = FrameSource::kNotKept;
+  result.frame->calibration_id = options.parent_id;
+  result.frame->problem = std::string(kept.status().message());
+  return result;
+}
+
+// Lenses that the parent has refined itself go on with its covariance; others stay as they are.
+void FreeRefinedLenses(const CalibrationResult& parent, const CalibrationInput& input,
+                       CalibrationOptions* options) {
+  std::set<std::string> kept;
+  bool any = false;
+  for (const CameraTrack& track : input.tracks) {
+    const std::string& name = track.camera.camera;
+    const auto known = std::ranges::find(parent.cameras, name, &CalibratedCamera::camera);
+    const bool is_free = known != parent.cameras.end() && known->intrinsics_refined &&
+                         !KeepsIntrinsics(*options, name);
+    any |= is_free;
+    if (!is_free) kept.insert(name);
+  }
+  if (!any) return;
+  options->intrinsics = Estimate::kRefined;
+  options->fixed_intrinsics.assign(kept.begin(), kept.end());
+}
+
+// With the defaults of its kind: a repair keeps the parent's intrinsics, a refinement those that
+// the parent has not refined itself.
 CalibrationOptions WithDefaults(CalibrationOptions options, const CalibrationInput& input) {
   options.reference_camera = ReferenceOf(options, input);
   if (options.kind != SolveKind::kFull && options.intrinsics == Estimate::kDefault) {
     options.intrinsics = Estimate::kFixed;
+    if (options.kind == SolveKind::kRefine && input.parent) {
+      FreeRefinedLenses(*input.parent, input, &options);
+    }
   }
   // What the parent knows is added to a solve by instants.
   if (options.kind != SolveKind::kFull) options.trajectory = TrajectoryChoice::kInterpolated;
   return options;
 }
 
+// What is published: in its frame, with what holds its parameters.
+absl::StatusOr<CalibrationResult> Finish(const RigObservations& rig,
+                                         const CalibrationOptions& options,
+                                         const std::optional<CalibrationResult>& parent,
+                                         Solved* solved) {
+  RIGCAL_ASSIGN_OR_RETURN(CalibrationResult result,
+                          InFrame(std::move(solved->result), options, parent));
+  const Eigen::Matrix3d axes = result.frame && result.frame->IsOwn()
+                                   ? result.frame->new_from_rig.rotation.toRotationMatrix()
+                                   : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+  result.information = MeasureInformation(rig, solved->evaluated.solution, axes);
+  return result;
+}
+
 absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& asked,
                                       const CalibrationHooks& hooks, RefusalCounter* refused) {
   RIGCAL_RETURN_IF_ERROR(asked.Validate());
+  if (ChangesFrameOnly(asked.kind)) return DeriveFrame(&input, asked, refused);
   RIGCAL_RETURN_IF_ERROR(ApplyDerivation(asked, &input));
   const CalibrationOptions options = WithDefaults(asked, input);
   RIGCAL_RETURN_IF_ERROR(ValidateInput(input, options));
@@ -383,7 +452,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     RIGCAL_RETURN_IF_ERROR(Refine(rig, options, *input.parent, counts, *refused, &*solved));
     *refused = std::move(solved->refused);
     if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
-    return std::move(solved->result);
+    return Finish(rig, options, input.parent, &*solved);
   } else {
     odd = SpoilingCamera(solved, rig, clocks, solve);
   }
@@ -413,7 +482,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   }
   *refused = std::move(solved->refused);
   if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
-  return std::move(solved->result);
+  return Finish(rig, options, input.parent, &*solved);
 }
 
 }  // namespace

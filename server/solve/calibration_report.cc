@@ -297,8 +297,12 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   if (!result.scale_known) {
     result.unit_camera = problem.cameras[static_cast<size_t>(problem.distance->camera_b)].name;
   }
-  result.reference_camera =
-      problem.cameras[static_cast<size_t>(input.evaluated.options.reference_camera)].name;
+  const HeldRig* const held = input.evaluated.options.held.get();
+  const bool has_own_frame = held != nullptr && held->keeps_frame;
+  if (!has_own_frame) {
+    result.reference_camera =
+        problem.cameras[static_cast<size_t>(input.evaluated.options.reference_camera)].name;
+  }
   result.iteration_count = static_cast<uint32_t>(input.evaluated.solution.iterations);
   result.trajectory = ReportTrajectory(input);
   result.solver_path = NeedsGeneralPath(problem) ? SolverPath::kGeneral : SolverPath::kLineKernel;
@@ -365,8 +369,9 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   ReportTargets(input, &result);
   if (result.scale_known) result.wand_volume = MeasureWandVolume(problem);
   if (input.evaluated.uncertainty) {
-    result.camera_covariance = PackCameraCovariance(
-        problem, input.evaluated.options.reference_camera, *input.evaluated.uncertainty);
+    result.camera_covariance =
+        PackCameraCovariance(problem, has_own_frame ? -1 : input.evaluated.options.reference_camera,
+                             *input.evaluated.uncertainty);
   }
   result.residuals = CollectResiduals(problem);
   for (size_t c = 0; c < result.residuals.size(); ++c) {

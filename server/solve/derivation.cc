@@ -202,7 +202,9 @@ absl::StatusOr<std::shared_ptr<const HeldRig>> HeldRigOf(const CalibrationOption
                      " of the cameras would keep its place, and a repair needs two: calibrate "
                      "the whole rig instead"));
   }
-  if (const int fixed = poses.Find(options.reference_camera); fixed >= 0) {
+  // In a frame of its own no pose is exact, and stays so.
+  held->keeps_frame = parent->reference_camera.empty();
+  if (const int fixed = poses.Find(options.reference_camera); fixed >= 0 && !held->keeps_frame) {
     HoldFixed(static_cast<size_t>(fixed), &poses);
   }
   const auto size = static_cast<Eigen::Index>(6 * found.size());

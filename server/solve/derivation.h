@@ -37,9 +37,9 @@ absl::Status CheckOthersStayed(const CalibrationOptions& options, const Calibrat
                                const CalibrationResult& now);
 
 // Of a repair: the poses of the cameras that are not repaired, with their covariance for the
-// reference camera (ReferenceOf, as it is in the options) held fixed. Null for other kinds of
-// solve. FAILED_PRECONDITION: fewer than two cameras are held; the parent has no covariance or no
-// scale.
+// reference camera (ReferenceOf, as it is in the options) held fixed, or, where the parent has a
+// frame of its own, as it is. Null for other kinds of solve.
+// FAILED_PRECONDITION: fewer than two cameras are held; the parent has no covariance or no scale.
 absl::StatusOr<std::shared_ptr<const HeldRig>> HeldRigOf(const CalibrationOptions& options,
                                                          const CalibrationResult* parent,
                                                          const RigIndex& index);

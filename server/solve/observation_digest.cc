@@ -101,6 +101,9 @@ std::string ObservationDigest(const CalibrationOptions& options, const TargetPar
     hasher.Add(options.kind, options.parent_id, options.only_cameras.size());
     for (const std::string& camera : options.only_cameras) hasher.Add(camera);
   }
+  if (options.kind == SolveKind::kFull && options.NeedsParent()) {
+    hasher.Add(options.frame, options.parent_id);
+  }
   for (const std::string& camera : options.fixed_intrinsics) hasher.Add(camera);
   AddTarget(targets.first(), &hasher);
   // Sessions by their place, not their id: the same observations in another session are the same.
@@ -114,6 +117,40 @@ std::string ObservationDigest(const CalibrationOptions& options, const TargetPar
     hasher.Add(track.clock_epoch, tracks[t].clock_offset_ns);
     for (size_t i = 0; i < track.observations.size(); ++i) {
       if (used[t][i]) AddObservation(track.observations[i], &hasher);
+    }
+  }
+  return hasher.Hex();
+}
+
+std::string DerivedDigest(const std::string& parent_digest, const CalibrationOptions& options,
+                          const std::vector<MarkerViews>& measured) {
+  Hasher hasher;
+  hasher.Add(parent_digest, options.kind, options.parent_id, options.sigma_px,
+             options.association_tolerance_s);
+  if (options.origin) {
+    const OriginRequest& origin = *options.origin;
+    hasher.Add(origin.source, origin.height_m, origin.still_s, origin.max_residual_m,
+               origin.max_rotation_sigma_rad, origin.cameras_below);
+    for (const TargetPoint& point : origin.points) {
+      hasher.Add(point.label, point.x_m, point.y_m, point.z_m, point.sigma_m);
+    }
+    for (const double value : origin.down) hasher.Add(value);
+    for (const double value : origin.translation_m) hasher.Add(value);
+    for (const double value : origin.rotation_wxyz) hasher.Add(value);
+  }
+  if (options.scale) {
+    for (const CameraDistance& distance : options.scale->distances) {
+      hasher.Add(distance.camera_a, distance.camera_b, distance.distance_m, distance.SigmaM());
+    }
+    for (const KnownLength& length : options.scale->lengths) {
+      hasher.Add(length.marker_a, length.marker_b, length.length_m, length.SigmaM());
+    }
+    for (const std::string& name : options.scale->leave_out) hasher.Add(name);
+  }
+  for (const MarkerViews& marker : measured) {
+    hasher.Add(marker.marker, marker.place, marker.rig_time_ns, marker.views.size());
+    for (const MarkerView& view : marker.views) {
+      hasher.Add(view.camera, view.x_px, view.y_px, view.xx_px2, view.xy_px2, view.yy_px2);
     }
   }
   return hasher.Hex();

@@ -18,4 +18,9 @@ std::string ObservationDigest(const CalibrationOptions& options, const TargetPar
                               const std::vector<AlignedTrack>& tracks,
                               const std::vector<std::vector<bool>>& used);
 
+// Of a calibration that only changes frame or scale: over the digest of its parent, what it was
+// asked for, and the markers that it was made from.
+std::string DerivedDigest(const std::string& parent_digest, const CalibrationOptions& options,
+                          const std::vector<MarkerViews>& measured);
+
 }  // namespace rigcal::server

@@ -6,10 +6,13 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "common/camera/camera_model.h"
 #include "common/simulation/world/simulated_world.h"
 #include "common/wire/camera_wire.h"
@@ -49,7 +52,20 @@ class RigLife : public ::testing::Test {
     std::string cropped = {};              // camera with another image size
     std::string rig = "rig";
     std::vector<std::string> without = {};
+    int floor_places =
+        0;  // instead of a wave: the wand lies at so many places on z = 0 of the world
   };
+
+  // A second at each place.
+  static std::vector<WandPose> FloorPoses(int places) {
+    std::vector<WandPose> poses;
+    for (int i = 0; i < places; ++i) {
+      const double angle = 2.2 * i;
+      const Eigen::Vector3d direction(std::cos(angle + 1), std::sin(angle + 1), 0);
+      poses.push_back({Eigen::Vector3d(std::cos(angle), std::sin(angle), 0), direction});
+    }
+    return poses;
+  }
 
   static bool Has(const std::vector<std::string>& names, const std::string& name) {
     return std::find(names.begin(), names.end(), name) != names.end();
@@ -57,7 +73,10 @@ class RigLife : public ::testing::Test {
 
   void Record(const Recording& recording) {
     const SimulatedWorld world = World();
-    const int first = kRateHz * recording.from_s, last = kRateHz * recording.to_s;
+    const std::vector<WandPose> floor = FloorPoses(recording.floor_places);
+    const int first = kRateHz * recording.from_s;
+    const int last =
+        floor.empty() ? kRateHz * recording.to_s : first + kRateHz * recording.floor_places;
     v1::CreateSessionRequest request;
     request.set_id(recording.id);
     request.set_rig(recording.rig);
@@ -79,7 +98,11 @@ class RigLife : public ::testing::Test {
       batch.stream.camera = name;
       batch.marker_count = 3;
       for (int frame = first; frame < last; ++frame) {
-        Observation row = world.Observe(camera, frame);
+        Observation row =
+            floor.empty()
+                ? world.Observe(camera, frame)
+                : world.ObserveWand(camera, frame,
+                                    floor[static_cast<size_t>((frame - first) / kRateHz)]);
         if (Has(recording.bumped, name)) Turn(world.cameras()[c].true_intrinsics, &row);
         batch.Append(row);
         if (batch.rows() < 200 && frame + 1 < last) continue;
@@ -189,6 +212,129 @@ TEST_F(RigLife, ABumpedCameraIsNamedRepairedAndRolledBack) {
   EXPECT_EQ(history["activations"][0]["reason"], "put back");
   EXPECT_TRUE(history["activations"][0]["rollback"]);
   EXPECT_EQ(history["activations"][2]["reason"], "installed");
+}
+
+double Height(const json& calibration, const std::string& name) {
+  for (const json& camera : calibration["cameras"]) {
+    if (camera["camera"] != name) continue;
+    const json &q = camera["cam_from_rig"]["rotation"],
+               &t = camera["cam_from_rig"]["translation_m"];
+    const auto at = [](const json& from, const char* key) { return from.value(key, 0.0); };
+    const RigidTransform pose(Eigen::Quaterniond(at(q, "w"), at(q, "x"), at(q, "y"), at(q, "z")),
+                              Eigen::Vector3d(at(t, "x"), at(t, "y"), at(t, "z")));
+    return pose.SourceFromTargetTranslation().z();
+  }
+  ADD_FAILURE() << "no camera " << name;
+  return 0;
+}
+
+TEST_F(RigLife, AFloorIsSetKeptAndRolledBack) {
+  const SimulatedWorld world = World();
+  Record({.id = "first"});
+  Record({.id = "floor", .from_s = 50, .floor_places = 3});
+  Record({.id = "line", .from_s = 55, .floor_places = 1});
+  Record({.id = "later", .from_s = 20, .to_s = 40, .bumped = {"sim_2"}});
+  const std::string first = Calibrate({"first", "--activate"});
+
+  // Weak and contradicting sources change nothing.
+  ExpectRefused({"rig", "origin", "rig", "--on-floor", "--session", "line", "--activate"},
+                "points on the floor are on one line: they spread");
+  ExpectRefused({"calibration", "origin", first, "--on-floor", "--session", "first"},
+                "rests nowhere");
+  ExpectRefused({"rig", "scale", "rig", "--distance", "sim_0,sim_9,4"}, "no camera sim_9");
+  const auto centre = [&world](size_t camera) {
+    return world.cameras()[camera].cam_from_rig.SourceFromTargetTranslation();
+  };
+  const double true_m = (centre(0) - centre(1)).norm();
+  ExpectRefused({"rig", "scale", "rig", "--distance",
+                 absl::StrCat("sim_0,sim_1,", 1.03 * true_m, ",0.002"), "--activate"},
+                "disagree");
+
+  const CommandResult set = Rigcal({"rig", "origin", "rig", "--on-floor", "--session", "floor",
+                                    "--activate", "--reason", "the floor", "-o", "json"});
+  ASSERT_EQ(set.exit_code, 0) << set.error;
+  const json floor = json::parse(set.output);
+  const std::string floor_id = floor["id"];
+  EXPECT_EQ(Active(), floor_id);
+  EXPECT_EQ(floor["options"]["parent_id"], first);
+  EXPECT_EQ(floor["reason"], "the floor");
+  EXPECT_EQ(floor["frame"]["source"], "FRAME_SOURCE_FLOOR");
+  EXPECT_EQ(floor["frame"]["residuals"].size(), 9u);
+  EXPECT_EQ(floor["reference_camera"], "");
+  for (size_t c = 0; c < world.cameras().size(); ++c) {
+    EXPECT_NEAR(Height(floor, world.cameras()[c].description.camera), centre(c).z(), 0.01);
+  }
+  const json difference =
+      json::parse(Rigcal({"calibration", "diff", first, floor_id, "-o", "json"}).output);
+  EXPECT_EQ(difference["frame_cameras"].size(), 4u);
+
+  // Rows of a folder give the same.
+  const auto folder = directory_.path() / "rows";
+  std::filesystem::create_directory(folder);
+  for (size_t c = 0; c < world.cameras().size(); ++c) {
+    std::ofstream csv(folder / (world.cameras()[c].description.camera + ".csv"));
+    csv.precision(17);
+    for (int i = 0; i < 3 * kRateHz; ++i) {
+      const Observation row = world.ObserveWand(static_cast<int>(c), 50 * kRateHz + i,
+                                                FloorPoses(3)[static_cast<size_t>(i / kRateHz)]);
+      csv << row.time_ns;
+      for (const MarkerObservation& marker : row.markers) {
+        csv << ";";
+        if (marker.visible) csv << marker.centre_px.x();
+        csv << ";";
+        if (marker.visible) csv << marker.centre_px.y();
+      }
+      csv << "\n";
+    }
+  }
+  const CommandResult by_folder =
+      Rigcal({"calibration", "origin", first, "--floor", folder.string(), "-o", "json"});
+  ASSERT_EQ(by_folder.exit_code, 0) << by_folder.error;
+  const json of_folder = json::parse(by_folder.output);
+  EXPECT_NEAR(Height(of_folder, "sim_0"), Height(floor, "sim_0"), 1e-3);
+  EXPECT_EQ(of_folder["options"]["origin"]["measured"].size(), 0u);
+
+  // A repair, a refinement and a new solve end in the frame of the floor.
+  const std::string repaired = Calibrate({"later", "--only", "sim_2"});
+  const json repair = json::parse(Rigcal({"calibration", "get", repaired, "-o", "json"}).output);
+  EXPECT_EQ(Height(repair, "sim_0"), Height(floor, "sim_0"));
+  EXPECT_EQ(repair["frame"]["source"], "FRAME_SOURCE_KEPT");
+  EXPECT_EQ(repair["reference_camera"], "");
+  const CommandResult anew =
+      Rigcal({"calibrate", "later", "--activate", "--reason", "anew", "-o", "json"});
+  ASSERT_EQ(anew.exit_code, 0) << anew.error;
+  const json kept = json::parse(anew.output);
+  EXPECT_EQ(kept["frame"]["source"], "FRAME_SOURCE_KEPT");
+  EXPECT_EQ(kept["frame"]["calibration_id"], floor_id);
+  EXPECT_EQ(kept["frame"]["cameras"], json({"sim_0", "sim_1", "sim_3"}));
+  for (const char* name : {"sim_0", "sim_1", "sim_3"}) {
+    EXPECT_NEAR(Height(kept, name), Height(floor, name), 0.01) << name;
+  }
+  const std::string own = Calibrate({"later", "--own-frame"});
+  EXPECT_FALSE(
+      json::parse(Rigcal({"calibration", "get", own, "-o", "json"}).output).contains("frame"));
+
+  // The true distance is one more source of the scale.
+  const CommandResult scaled =
+      Rigcal({"calibration", "scale", floor_id, "--distance",
+              absl::StrCat("sim_0,sim_1,", true_m, ",0.002"), "-o", "json"});
+  ASSERT_EQ(scaled.exit_code, 0) << scaled.error;
+  const json scale = json::parse(scaled.output);
+  EXPECT_EQ(scale["scale"]["sources"].size(), 2u);
+  EXPECT_LT(scale["scale"]["sigma_rel"].get<double>(),
+            floor["target"]["scale_sigma_rel"].get<double>());
+  EXPECT_EQ(scale["frame"]["source"], "FRAME_SOURCE_KEPT");
+
+  // What holds it is kept by what derives from it.
+  const CommandResult explained = Rigcal({"calibration", "explain", scale["id"]});
+  EXPECT_EQ(explained.exit_code, 0) << explained.error;
+  EXPECT_THAT(explained.output, HasSubstr("of the solve of " + first));
+  EXPECT_THAT(explained.output, HasSubstr("position along z"));
+
+  EXPECT_EQ(Rigcal({"rig", "rollback", "rig"}).exit_code, 0);
+  EXPECT_EQ(Active(), floor_id);
+  EXPECT_EQ(Rigcal({"rig", "rollback", "rig"}).exit_code, 0);
+  EXPECT_EQ(Active(), first);
 }
 
 // The monitor as a mode of the server: nobody asks it about a session.

@@ -65,6 +65,7 @@ const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
   result_.passed_px = 0;
   result_.run_count = 0;
   result_.cut_short = false;
+  result_.row_count = 0;
   const PixelRect inside = Clip(window, image);
   if (image.data == nullptr || inside.empty()) return result_;
   LabelRows(image, inside);
@@ -80,6 +81,7 @@ bool BlobFinder::MaskRow(const ImageView& image, int y, int first_word, int word
     const uint64_t* ignored = ignored_.Row(y) + first_word;
     for (int i = 0; i < ignored_words; ++i) words[i] &= ~ignored[i];
   }
+  if (background_ != nullptr) background_->Remove(image, y, first_word, word_count, words);
   return true;
 }
 
@@ -93,6 +95,7 @@ void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window) {
   labeller_.Start(word_count);
   for (int y = window.y; y < window.y + window.height; ++y) {
     uint64_t* words = words_.data();
+    ++result_.row_count;
     if (!MaskRow(image, y, first_word, word_count, words)) continue;
     words[0] &= first_bits;
     words[word_count - 1] &= last_bits;

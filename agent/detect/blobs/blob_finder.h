@@ -8,6 +8,7 @@
 
 #include "agent/detect/blobs/colour_masker.h"
 #include "agent/detect/blobs/run_labeller.h"
+#include "agent/detect/blobs/static_background.h"
 
 namespace rigcal::agent {
 
@@ -41,6 +42,7 @@ struct BlobResult {
   int64_t passed_px = 0;    // pixels of the colour, of blobs of any size
   int64_t run_count = 0;    // of pixels in a row
   bool cut_short = false;   // by max_runs
+  int row_count = 0;        // looked at
 };
 
 // Finds the connected pixels of a colour in one pass over an image: pixels to mask bits, bits to
@@ -56,6 +58,9 @@ class BlobFinder {
   // Pixels that never belong to a blob from now on, such as lamps. Pixels outside of the mask are
   // not ignored: a mask of another size than the images is the caller's fault to find.
   void SetIgnored(PixelMask ignored) { ignored_ = std::move(ignored); }
+  // Pixels of this background do not either, while they look like it; null: none. It must outlive
+  // the finder, and know of each new image (StaticBackground::BeginImage).
+  void SetBackground(StaticBackground* background) { background_ = background; }
 
   // The blobs of an image, or of its part inside `window`; pixels outside are as if they were
   // black. The result is valid until the next call. An image without pixels has no blobs.
@@ -77,6 +82,7 @@ class BlobFinder {
   BlobFinderOptions options_;
   ColourMasker masker_;
   PixelMask ignored_;
+  StaticBackground* background_ = nullptr;
   std::vector<uint64_t> words_;  // of one row
   RunLabeller labeller_;
   std::vector<int> kept_;  // components in the range of areas

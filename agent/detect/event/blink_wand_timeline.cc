@@ -94,6 +94,7 @@ uint32_t BlinkWandTimeline::StepBack(int64_t time_us) {
 
 void BlinkWandTimeline::Forget(int64_t time_us) {
   lights_.Clear();
+  verifier_.ForgetTrack();
   recorder_.Clear();
   learn_until_us_ = learn_from_us_ = time_us;
   is_learning_ = false;

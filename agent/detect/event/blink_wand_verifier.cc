@@ -28,6 +28,14 @@ constexpr double kHalfCost = 13;  // confidence 0.5
 constexpr double kCostScale = 2.5;
 constexpr double kMargin = 8;  // in cost, of a wand against another one
 constexpr double kCertain = 0.999;
+constexpr double kAmbiguousUs = 100'000;  // another wand that was seen is still there
+// A lamp may look like one for a moment of each of its periods.
+constexpr double kLampUs = 3000;
+// Of a wand that is followed: by which a marker's radius may differ from the last one, how many
+// times its gate another marker must be away, the least size of what may be another wand's marker
+// in terms of the largest, and how sure its labels must be.
+constexpr double kFollowedRadiusPx = 0.4, kFollowedRadiusShare = 0.08;
+constexpr double kApartGates = 2, kOtherShare = 0.3, kPieceRadii = 1.5, kFollowedCertainty = 0.9;
 
 double Radius(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::pi); }
 
@@ -64,6 +72,16 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
   }
 }
 
+MarkerSight BlinkWandVerifier::SightOf(int index) const {
+  const Blob& blob = blobs_[static_cast<size_t>(index)];
+  MarkerSight sight;
+  if (!finder_.Sight(blob.centre_px, &sight)) sight.scale_px = 0;
+  sight.radius_px = Radius(blob);
+  sight.sigma_px = kFitSlack * std::sqrt(CentreVariance(blob));
+  sight.radius_sigma_px = kRadiusPx + kRadiusShare * sight.radius_px;
+  return sight;
+}
+
 bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluated) const {
   evaluated->candidate = &candidate;
   if (candidate.blobs.size() == 1) return true;
@@ -75,13 +93,11 @@ bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluat
   }
   absl::InlinedVector<MarkerSight, 4> sights;
   for (const int index : candidate.blobs) {
+    MarkerSight& sight = sights.emplace_back(SightOf(index));
+    if (sight.scale_px <= 0) return false;
+    sight.sigma_px =
+        std::hypot(sight.sigma_px, kMotionPxPerUs * (SinceUs(any_us, time_us(index)) - mean_us));
     const Blob& blob = blobs_[static_cast<size_t>(index)];
-    MarkerSight& sight = sights.emplace_back();
-    if (!finder_.Sight(blob.centre_px, &sight)) return false;
-    sight.radius_px = Radius(blob);
-    sight.sigma_px = std::hypot(kFitSlack * std::sqrt(CentreVariance(blob)),
-                                kMotionPxPerUs * (SinceUs(any_us, time_us(index)) - mean_us));
-    sight.radius_sigma_px = kRadiusPx + kRadiusShare * sight.radius_px;
     if (blob.touches_border) {
       sight.sigma_px += 0.5 * sight.radius_px;
       sight.radius_sigma_px += 0.5 * sight.radius_px;
@@ -91,25 +107,43 @@ bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluat
                  &evaluated->fit);
 }
 
-MarkerObservation BlinkWandVerifier::Observe(const Evaluated& wand, size_t k) const {
-  const Blob& blob = blobs_[static_cast<size_t>(wand.candidate->blobs[k])];
+MarkerObservation BlinkWandVerifier::Observe(const WandImageFit& fit, size_t k,
+                                             int blob_index) const {
   MarkerObservation marker;
+  if (blob_index < 0) return marker;
+  const auto index = static_cast<size_t>(blob_index);
+  const Blob& blob = blobs_[index];
   if (blob.touches_border) return marker;
   marker.visible = true;
   marker.centre_px = blob.centre_px;
-  const auto index = static_cast<size_t>(wand.candidate->blobs[k]);
   const Eigen::Vector2d off_px = kMeanShare * rise_to_fall_px_[index];
   const double untimed_px = is_timed_[index] ? 0 : kUntimedPx;
   marker.covariance_px2 =
       (CentreVariance(blob) + untimed_px * untimed_px) * Eigen::Matrix2d::Identity() +
       off_px * off_px.transpose();
-  finder_.ToSphereCentre(wand.fit, k, &marker);
+  finder_.ToSphereCentre(fit, k, &marker);
   return marker;
 }
 
 BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
-  BlinkWand wand;
   TakeBlobs(blobs);
+  if (!blobs_.empty()) {
+    const double now_us = times_us_.front();
+    track_.ForgetBefore(now_us);
+    if (ambiguous_us_ && SinceUs(*ambiguous_us_, now_us) > kAmbiguousUs) ambiguous_us_.reset();
+  }
+  BlinkWand wand = Choose();
+  if (wand.outcome == DetectionOutcome::kNoWand && !track_.empty()) {
+    if (BlinkWand followed = Follow(); followed.outcome == DetectionOutcome::kWand) {
+      wand = std::move(followed);
+    }
+  }
+  UpdateTrack(wand);
+  return wand;
+}
+
+BlinkWand BlinkWandVerifier::Choose() {
+  BlinkWand wand;
   wand.blob_count = static_cast<int>(blobs_.size());
   if (blobs_.empty()) return wand;
   wand.outcome = DetectionOutcome::kNoWand;
@@ -136,16 +170,160 @@ BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
     }
   }
   if (best.candidate->blobs.size() == 1) label_confidence = 1;
+  if (best.candidate->blobs.size() > 2 && IsBesideAnother(best.candidate->blobs)) {
+    wand.outcome = DetectionOutcome::kAmbiguous;
+    return wand;
+  }
   wand.outcome = DetectionOutcome::kWand;
   wand.is_timed = true;
+  int visible = 0;
   for (size_t k = 0; k < best.candidate->blobs.size(); ++k) {
-    MarkerObservation& marker = wand.markers.emplace_back(Observe(best, k));
+    const int blob = best.candidate->blobs[k];
+    MarkerObservation& marker = wand.markers.emplace_back(Observe(best.fit, k, blob));
     marker.label_confidence = static_cast<float>(label_confidence);
-    const auto blob = static_cast<size_t>(best.candidate->blobs[k]);
-    wand.times_us.push_back(times_us_[blob]);
-    wand.is_timed &= is_timed_[blob];
+    wand.blobs.push_back(blob);
+    wand.times_us.push_back(times_us_[static_cast<size_t>(blob)]);
+    wand.is_timed &= is_timed_[static_cast<size_t>(blob)];
+    visible += marker.visible ? 1 : 0;
+  }
+  // All but one cut by the border: whose that one is cannot be checked.
+  if (visible < std::min<int>(2, static_cast<int>(wand.blobs.size()))) {
+    wand.outcome = DetectionOutcome::kNoWand;
+    wand.markers.clear();
+    wand.times_us.clear();
+    wand.blobs.clear();
   }
   return wand;
+}
+
+bool BlinkWandVerifier::IsBesideAnother(absl::Span<const int> wand) {
+  // Of another wand some markers may have grown together with this one's: of one that was seen just
+  // now, all but one.
+  const int most_others = ambiguous_us_ ? 0 : 1;
+  const double now_us = times_us_.front();
+  if (OthersThan(wand) > most_others) {
+    return !alone_us_ || SinceUs(*alone_us_, now_us) > kLampUs;
+  }
+  alone_us_ = now_us;
+  return false;
+}
+
+int BlinkWandVerifier::OthersThan(absl::Span<const int> wand) const {
+  double largest_px = 0;
+  for (const int blob : wand) {
+    if (blob >= 0) largest_px = std::max(largest_px, Radius(blobs_[static_cast<size_t>(blob)]));
+  }
+  int others = 0;
+  for (size_t i = 0; i < blobs_.size(); ++i) {
+    const Blob& other = blobs_[i];
+    if (Radius(other) <= kOtherShare * largest_px) continue;
+    // A piece of a marker that is there already is no other one.
+    const bool is_of_wand = std::any_of(wand.begin(), wand.end(), [&](int blob) {
+      if (blob < 0) return false;
+      const Blob& marker = blobs_[static_cast<size_t>(blob)];
+      return (marker.centre_px - other.centre_px).norm() < kPieceRadii * Radius(marker);
+    });
+    others += is_of_wand ? 0 : 1;
+  }
+  return others;
+}
+
+int BlinkWandVerifier::FindFollowed(size_t marker) const {
+  int found = -1;
+  for (size_t i = 0; i < blobs_.size(); ++i) {
+    const BlinkWandTrack::Prediction expected = track_.Predict(marker, times_us_[i]);
+    const bool is_near = (blobs_[i].centre_px - expected.centre_px).norm() < expected.gate_px;
+    if (!is_near || frequencies_[i] != expected.frequency) continue;
+    if (found >= 0) return -1;
+    found = static_cast<int>(i);
+  }
+  if (found < 0) return -1;
+  const auto index = static_cast<size_t>(found);
+  // Part of it is hidden: its centre is not the marker's.
+  const double radius_px = track_.Predict(marker, times_us_[index]).radius_px;
+  const bool is_whole = std::abs(Radius(blobs_[index]) - radius_px) <
+                        kFollowedRadiusPx + kFollowedRadiusShare * radius_px;
+  if (!is_whole || blobs_[index].touches_border) return -1;
+  for (size_t other = 0; other < finder_.shares().size(); ++other) {
+    if (other == marker) continue;
+    const BlinkWandTrack::Prediction expected = track_.Predict(other, times_us_[index]);
+    const double away_px = (blobs_[index].centre_px - expected.centre_px).norm();
+    if (away_px < kApartGates * expected.gate_px) return -1;
+  }
+  return found;
+}
+
+BlinkWand BlinkWandVerifier::Follow() const {
+  BlinkWand wand;
+  wand.blob_count = static_cast<int>(blobs_.size());
+  wand.outcome = DetectionOutcome::kNoWand;
+  const size_t count = finder_.shares().size();
+  if (count < 3) return wand;
+  int seen = 0;
+  double time_us = 0;
+  for (size_t k = 0; k < count; ++k) {
+    const int blob = FindFollowed(k);
+    wand.blobs.push_back(blob);
+    if (blob < 0) continue;
+    const double marker_us = times_us_[static_cast<size_t>(blob)];
+    if (seen == 0) time_us = marker_us;
+    ++seen;
+  }
+  if (seen < 2) return wand;
+  const int others = OthersThan(wand.blobs);
+  if (others > static_cast<int>(count) - seen) return wand;
+  absl::InlinedVector<MarkerSight, 4> sights;
+  for (size_t k = 0; k < count; ++k) {
+    if (wand.blobs[k] >= 0) {
+      sights.push_back(SightOf(wand.blobs[k]));
+      if (sights.back().scale_px <= 0) return wand;
+      continue;
+    }
+    const BlinkWandTrack::Prediction expected = track_.Predict(k, time_us);
+    MarkerSight& sight = sights.emplace_back();
+    if (!finder_.Sight(expected.centre_px, &sight)) return wand;
+    sight.sigma_px = expected.gate_px + expected.radius_px;
+    sight.radius_px = sight.radius_sigma_px = expected.radius_px;
+  }
+  WandImageFit fit;
+  if (!FitWand(sights, finder_.shares(), finder_.length_m(), finder_.fit_options(), &fit)) {
+    return wand;
+  }
+  wand.confidence = 1 / (1 + std::exp((fit.cost - kHalfCost) / kCostScale));
+  if (wand.confidence < min_confidence_) return wand;
+  wand.outcome = DetectionOutcome::kWand;
+  wand.is_timed = true;
+  for (size_t k = 0; k < count; ++k) {
+    const int blob = wand.blobs[k];
+    MarkerObservation& marker = wand.markers.emplace_back(Observe(fit, k, blob));
+    marker.label_confidence = static_cast<float>(track_.label_confidence());
+    wand.times_us.push_back(blob < 0 ? time_us : times_us_[static_cast<size_t>(blob)]);
+    if (blob >= 0) wand.is_timed &= is_timed_[static_cast<size_t>(blob)];
+  }
+  return wand;
+}
+
+void BlinkWandVerifier::UpdateTrack(const BlinkWand& wand) {
+  if (wand.outcome == DetectionOutcome::kAmbiguous) {
+    track_.Forget();
+    ambiguous_us_ = times_us_.front();
+  }
+  if (wand.outcome != DetectionOutcome::kWand || wand.markers.size() < 3) return;
+  std::vector<BlinkWandTrack::Sighting> sightings;
+  bool is_certain = true;
+  for (size_t k = 0; k < wand.markers.size(); ++k) {
+    BlinkWandTrack::Sighting& sighting = sightings.emplace_back();
+    is_certain &= wand.markers[k].label_confidence > kFollowedCertainty;
+    if (wand.blobs[k] < 0) continue;
+    const auto blob = static_cast<size_t>(wand.blobs[k]);
+    sighting = {.seen = true,
+                .centre_px = blobs_[blob].centre_px,
+                .radius_px = Radius(blobs_[blob]),
+                .time_us = times_us_[blob],
+                .frequency = frequencies_[blob]};
+  }
+  if (!is_certain) return track_.Forget();
+  track_.Add(sightings, wand.markers.front().label_confidence);
 }
 
 }  // namespace rigcal::agent

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "absl/types/span.h"
+#include "agent/detect/event/blink_wand_track.h"
 #include "agent/detect/event/burst_measurer.h"
 #include "agent/identify/wand_finder.h"
 #include "common/target/detection_outcome.h"
@@ -16,7 +19,8 @@ struct BlinkWand {
   absl::InlinedVector<double, 3> times_us;  // by marker: lower 32 bits of the sensor's clock
   double confidence = 0;                    // 0 to 1, of the whole wand
   int blob_count = 0;
-  bool is_timed = false;  // with kWand: all its blobs are (BlinkBlob::is_timed)
+  std::vector<int> blobs;  // by marker, of the verifier; -1: not seen
+  bool is_timed = false;   // with kWand: all its blobs are (BlinkBlob::is_timed)
 };
 
 // Chooses the wand among blobs that blink at its frequency: the candidate of WandFinder whose pose
@@ -25,6 +29,14 @@ struct BlinkWand {
 // in or out by chance, which moves the centroid by a variance of w / (4 pi r), w the width of the
 // rim that is uncertain. Along the motion the mean of rise and fall (FlashMeasurer) is not quite in
 // the middle.
+//
+// A wand of three markers or more of which not all are seen (hidden, cut by the border, out of the
+// image) is delivered if it was followed until then: two or more whole blobs where markers were
+// expected, none else there, that fit the wand's lengths and sizes. Two blobs alone do not say
+// which markers they are. While other blobs are seen that may be another wand's, it is not.
+//
+// Two wands whose markers can all be seen are refused as ambiguous: which one other cameras see is
+// not known here.
 //
 // Markers that blink at several frequencies (WandFinderOptions::marker_kinds holds what each marker
 // has as BlinkBlob::frequency) are seen at different times, so that a moving wand's do not lie
@@ -40,6 +52,12 @@ class BlinkWandVerifier {
       : finder_(options, target, camera), min_confidence_(options.limits.min_confidence) {}
 
   BlinkWand Verify(const std::vector<BlinkBlob>& blobs);
+  // The clock jumps.
+  void ForgetTrack() {
+    track_.Forget();
+    ambiguous_us_.reset();
+    alone_us_.reset();
+  }
 
  private:
   struct Evaluated {
@@ -48,7 +66,18 @@ class BlinkWandVerifier {
   };
   void TakeBlobs(const std::vector<BlinkBlob>& blobs);
   bool Refit(const WandCandidate& candidate, Evaluated* evaluated) const;
-  MarkerObservation Observe(const Evaluated& wand, size_t marker) const;
+  MarkerObservation Observe(const WandImageFit& fit, size_t marker, int blob) const;
+  // From the whole wand's candidates.
+  BlinkWand Choose();
+  // From two or more blobs where the track expects markers; kNoWand if there are none.
+  BlinkWand Follow() const;
+  bool IsBesideAnother(absl::Span<const int> wand);
+  // Blobs that are large enough to be another wand's markers.
+  int OthersThan(absl::Span<const int> wand) const;
+  // The one blob that can be this marker; -1: none or several.
+  int FindFollowed(size_t marker) const;
+  MarkerSight SightOf(int blob) const;
+  void UpdateTrack(const BlinkWand& wand);
 
   WandFinder finder_;
   double min_confidence_;
@@ -59,6 +88,9 @@ class BlinkWandVerifier {
   std::vector<Eigen::Vector2d> rise_to_fall_px_;  // likewise
   std::vector<int> order_;
   std::vector<Evaluated> evaluated_;
+  BlinkWandTrack track_;
+  std::optional<double> ambiguous_us_;  // when another wand was seen last
+  std::optional<double> alone_us_;      // when a wand was seen without any other blobs
 };
 
 }  // namespace rigcal::agent

@@ -14,9 +14,10 @@
 namespace rigcal::agent {
 namespace {
 
-// Around a blob: what it moves in a period, and pixels that answer though little of the marker
-// covers them.
-constexpr float kAroundPx = 5;
+// Around a blob: pixels that answer though little of the marker covers them, and what it moves. The
+// flash may be up to two periods away from the burst that the blob was found by; what is left out
+// at one side moves the centre to the other.
+constexpr float kAroundPx = 5, kFlashMotionPxPerUs = 1e-3f, kMotionPeriods = 2;
 // Of a blob's area: fewer pixels are not its answer to a flash.
 constexpr double kLeastShare = 0.4;
 // Of the events about a flash: those before are of edges that move.
@@ -62,7 +63,10 @@ void FlashMeasurer::Collect(std::span<const PackedEvent> events, double due_us,
   };
   std::vector<Disc> discs;
   for (const size_t index : largest_) {
-    const auto radius = static_cast<float>(RadiusPx(blobs[index])), reach = radius + kAroundPx;
+    const auto radius = static_cast<float>(RadiusPx(blobs[index]));
+    const float reach =
+        radius + kAroundPx +
+        kMotionPeriods * kFlashMotionPxPerUs * static_cast<float>(blobs[index].period_us);
     discs.push_back({static_cast<float>(blobs[index].centre_px.x()),
                      static_cast<float>(blobs[index].centre_px.y()), radius * radius,
                      reach * reach});

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "agent/detect/frame/colour_share.h"
 
 namespace rigcal::agent {
 namespace {
@@ -22,6 +23,7 @@ const cv::Scalar kOutlineColour(0, 0, 0);
 constexpr int kSubPixelBits = 4;
 constexpr std::array kQualities = {88, 72, 55, 40};
 constexpr int kLeastSide = 16;
+constexpr double kWorthSaying = 0.001;  // of the image
 
 cv::Mat ColourCopy(const ImageView& image) {
   if (image.data == nullptr || image.width <= 0 || image.height <= 0) return {};
@@ -112,6 +114,15 @@ std::string Summary(const Detection& detection) {
   return text;
 }
 
+// What makes the wand hard to find; empty: nothing.
+std::string Light(const Detection& detection) {
+  std::string text = ColourShareText(detection.passed_share, detection.white_share);
+  if (detection.background_share < kWorthSaying) return text;
+  absl::StrAppendFormat(&text, "%s%.2g %% does not move and is ignored", text.empty() ? "" : "; ",
+                        100 * detection.background_share);
+  return text;
+}
+
 // The image with 1 / `divisor` of its columns and rows.
 cv::Mat Shrunk(const cv::Mat& image, int divisor) {
   if (divisor == 1) return image;
@@ -137,6 +148,7 @@ cv::Mat Annotate(const ImageView& image, const Detection& detection, const Pixel
   const auto margin = static_cast<int>(12 * scale);
   Write(canvas, Summary(detection), {margin, static_cast<int>(32 * scale)}, 0.8 * scale,
         found ? kMarkerColour : kBlobColour);
+  Write(canvas, Light(detection), {margin, static_cast<int>(60 * scale)}, 0.6 * scale, kBlobColour);
   return canvas;
 }
 

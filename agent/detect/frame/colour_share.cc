@@ -1,24 +1,71 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/detect/frame/colour_share.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 
 namespace rigcal::agent {
+namespace {
 
-std::string CrowdedText(double passed, double white) {
+constexpr double kEnoughGrey = 100;     // of a sphere, to be found
+constexpr double kClippedGrey = 250;    // more light than this says
+constexpr double kUsualShare = 0.25;    // of the exposure, where no wand says what is enough
+constexpr double kWorthSetting = 0.75;  // of the exposure; a smaller change helps little
+constexpr double kMillisecond = 1e-3;
+
+bool IsMostlyWhite(double passed, double white) { return white > 0.5 * passed; }
+
+}  // namespace
+
+std::string ShorterExposureText(const ExposureFacts& facts) {
+  const std::string blinks = facts.blink_s > 0
+                                 ? absl::StrFormat(" (not below one blink of the wand, %.3g ms)",
+                                                   facts.blink_s / kMillisecond)
+                                 : "";
+  if (!(facts.exposure_s > 0)) return "shorten the exposure" + blinks;
+  const bool knows_grey = facts.marker_grey > 0;
+  double wanted_s = facts.exposure_s * (knows_grey ? kEnoughGrey / facts.marker_grey : kUsualShare);
+  // Whole blinks, in which the LEDs are equally bright whatever their phase.
+  if (facts.blink_s > 0) {
+    wanted_s = facts.blink_s * std::max(1.0, std::floor(wanted_s / facts.blink_s + 1e-6));
+  }
+  if (wanted_s > kWorthSetting * facts.exposure_s) {
+    return absl::StrFormat(
+        "the exposure of %.3g ms is as short as the wand allows: close the aperture, turn the gain "
+        "down, draw the blinds or take a brighter wand",
+        facts.exposure_s / kMillisecond);
+  }
+  std::string text = absl::StrFormat("shorten the exposure from %.3g to %.3g ms",
+                                     facts.exposure_s / kMillisecond, wanted_s / kMillisecond);
+  if (knows_grey) {
+    absl::StrAppendFormat(&text, ", at which the spheres keep %.0f of %s%.0f grey levels",
+                          facts.marker_grey * wanted_s / facts.exposure_s,
+                          facts.marker_grey >= kClippedGrey ? "at least " : "", facts.marker_grey);
+  }
+  return text;
+}
+
+std::string ColourShareText(double passed, double white) {
   if (passed < kCrowdedShare) return "";
   const std::string share =
       absl::StrFormat("%.0f %% of the picture passes the colour test", 100 * passed);
-  if (white > 0.5 * passed) {
-    return absl::StrFormat(
-        "%s, %.0f %% are white: windows or lamps. Learn a mask (rigcal-agent mask), shorten the "
-        "exposure or turn the gain down",
-        share, 100 * white);
+  if (!IsMostlyWhite(passed, white)) return share + ": surfaces of the wand's colour";
+  return absl::StrFormat("%s, %.0f %% are white: windows or lamps", share, 100 * white);
+}
+
+std::string CrowdedText(double passed, double white, const ExposureFacts& facts) {
+  const std::string share = ColourShareText(passed, white);
+  if (share.empty()) return "";
+  if (IsMostlyWhite(passed, white)) {
+    return absl::StrCat(share, ". Learn a mask (rigcal-agent mask), or ",
+                        ShorterExposureText(facts));
   }
   return absl::StrCat(share,
-                      ": surfaces of the wand's colour. Learn the colour (rigcal-agent tune) and a "
-                      "mask (rigcal-agent mask), dim the room, or take a wand of another colour");
+                      ". Learn the colour (rigcal-agent tune) and a mask (rigcal-agent mask), dim "
+                      "the room, or take a wand of another colour");
 }
 
 }  // namespace rigcal::agent

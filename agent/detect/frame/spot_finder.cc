@@ -17,10 +17,13 @@ constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
 // Ranges of colour. `brighter`: from value_min to the brightest; `paler`: of saturation_min.
 struct LevelRange {
   double brighter, paler;
-  bool white;  // takes what the sensor has lost the colour of
+  bool white;           // takes what the sensor has lost the colour of
+  bool turned = false;  // takes the hues to which clipping turns the wand's
 };
-constexpr LevelRange kLevels[] = {{0, 1, true},   {0.2, 1, true},      {0.4, 1, true},
-                                  {0.6, 1, true}, {0.35, 0.55, false}, {0, 0.55, false}};
+constexpr LevelRange kLevels[] = {{0, 1, true},           {0.2, 1, true},      {0.4, 1, true},
+                                  {0.6, 1, true},         {0.35, 0.55, false}, {0, 0.55, false},
+                                  {0.2, 0.55, true, true}};
+constexpr double kPastSecondaryDeg = 3;
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
@@ -33,12 +36,31 @@ constexpr size_t kMaxSpots = 160;          // pairs of them, 5 ns each
 // Of a marker's middle against the others, before it is measured.
 constexpr double kAlikeDoubt = 11;  // where all around looks like it
 constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
+// Small things are many: titles of books, slats, letters.
+constexpr double kFewBelowPx = 3.5, kSmallDoubt = 2;  // per pixel of the radius
 
 // The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
 int MainChannel(const ColourRange& colour) {
   const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
   const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
   return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
+}
+
+// A range that also takes hues up to yellow, cyan or magenta, whichever is next to its middle:
+// where the main channel is clipped, the second one catches up with it.
+ColourRange WithClippedHues(ColourRange colour) {
+  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
+  const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
+  const double primary = 120 * std::round(middle / 120);
+  const double beyond = 60 + kPastSecondaryDeg;
+  if (middle > primary) {
+    const double more = primary + beyond - middle - 0.5 * width;
+    if (more > 0) colour.hue_max_deg = std::fmod(colour.hue_max_deg + more + 360, 360);
+  } else {
+    const double more = middle - 0.5 * width - (primary - beyond);
+    if (more > 0) colour.hue_min_deg = std::fmod(colour.hue_min_deg - more + 360, 360);
+  }
+  return colour;
 }
 
 double ShapeDoubt(const Blob& blob) {
@@ -71,6 +93,7 @@ absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options) 
     its.colour.value_min += static_cast<int>(level.brighter * (255 - its.colour.value_min));
     its.colour.saturation_min *= level.paler;
     if (!level.white) its.colour.washed_out_min = kNeverWashedOut;
+    if (level.turned) its.colour = WithClippedHues(its.colour);
     RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
     RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(its.colour));
     its.colour.washed_out_min = kNeverWashedOut;
@@ -84,6 +107,13 @@ void SpotFinder::SetIgnored(const PixelMask& ignored) {
   for (Level& level : levels_) {
     level.blobs.SetIgnored(ignored);
     level.coloured.SetIgnored(ignored);
+  }
+}
+
+void SpotFinder::SetBackground(StaticBackground* background) {
+  for (Level& level : levels_) {
+    level.blobs.SetBackground(background);
+    level.coloured.SetBackground(background);
   }
 }
 
@@ -136,7 +166,9 @@ void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
   // A piece of a patch is held to the wand's colour too.
   float alike = 0;
   if (!StandsOut(image, blob, &spot.core, &alike) || !HasColour(image, blob)) return;
-  spot.doubt = kAlikeDoubt * static_cast<double>(alike) + ShapeDoubt(blob);
+  const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
+  spot.doubt = kAlikeDoubt * static_cast<double>(alike) + ShapeDoubt(blob) +
+               kSmallDoubt * std::max(0.0, kFewBelowPx - radius_px);
   // The box of one blob may hold a part of another's pieces.
   for (Spot& known : spots_) {
     const int larger = std::max(known.blob.area_px, blob.area_px);

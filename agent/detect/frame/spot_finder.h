@@ -30,12 +30,16 @@ class SpotFinder {
  public:
   // Levels from some brightness on, which take white; and paler ones, which do not.
   static constexpr size_t kWideLevels[] = {0, 1, 2, 3}, kPaleLevels[] = {4, 5};
+  // Of spheres so bright that two channels are clipped, which turns red to yellow.
+  static constexpr size_t kClippedLevel = 6;
 
   // INVALID_ARGUMENT: options not valid.
   static absl::StatusOr<SpotFinder> Create(const BlobFinderOptions& options);
 
   // Pixels that never belong to a marker from now on, of the images' size.
   void SetIgnored(const PixelMask& ignored);
+  // Nor those of this background, while they look like it (BlobFinder::SetBackground).
+  void SetBackground(StaticBackground* background);
 
   // Before the first search of an image: its whole budget is left.
   void BeginImage();

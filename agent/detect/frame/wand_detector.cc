@@ -34,8 +34,9 @@ constexpr int kMaxCandidates = 200;  // that are compared by their colour
 constexpr size_t kMaxMeasured = 30;  // of them
 constexpr double kMaxWork = 36000;   // of MarkerMeter::WorkOf, 50 ns each
 constexpr double kWorkOfLevel = 18000;
-constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spheres
-constexpr double kLeastLit = 0.02;   // of the pixels
+constexpr size_t kFewCandidates = 3;  // may take all of it: spheres near the camera are large
+constexpr double kWhiteRoom = 0.01;   // of the pixels: more than saturated spheres
+constexpr double kLeastLit = 0.02;    // of the pixels
 constexpr double kLittleMs = 1;
 constexpr double kNoFurtherMs = 3;  // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;
@@ -86,7 +87,9 @@ double WandDetector::EstimatedMs() const {
 }
 
 Verdict WandDetector::SearchAll(const ImageView& image) {
-  passed_share_ = ShareOf(spot_finder_.Look(image).passed_px);
+  const BlobResult& look = spot_finder_.Look(image);
+  passed_share_ = static_cast<double>(look.passed_px) /
+                  std::max(1.0, static_cast<double>(look.row_count) * image.width);
   if (passed_share_ > kWhiteRoom) {
     white_share_ = WhiteShare(image, options_.colour.washed_out_min);
   }
@@ -106,7 +109,10 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
     if (has_rivals_ || !IsCrowded()) break;
   }
   // No light of a dark room whitens a sphere.
-  if (!is_white && !IsLit(image)) return verdict;
+  if (!is_white && !IsLit(image)) {
+    if (!has_rivals_ && passed_share_ > 0) search(SpotFinder::kClippedLevel);
+    return verdict;
+  }
   for (const size_t level : SpotFinder::kPaleLevels) {
     if (search(level)) return verdict;
   }
@@ -145,21 +151,20 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   cut_short_ |= !spot_finder_.has_all();
   standing_out_.clear();
   cores_.clear();
+  doubts_.clear();
   for (const Spot& spot : spot_finder_.spots()) {
     standing_out_.push_back(spot.blob);
     cores_.push_back(spot.core);
+    doubts_.push_back(spot.doubt);
   }
   wand_finder_.LimitFits(std::min(fits_left_, kFitsOfLevel));
-  const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_, {}, cores_);
+  const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_, {}, cores_, doubts_);
   fits_left_ -= wand_finder_.fits();
   cut_short_ |= wand_finder_.cut_short() || result().cut_short;
   // The most likely are measured first.
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < found.size(); ++i) {
-    double cost = found[i].fit.cost + Unlikeness(found[i]);
-    for (const int blob : found[i].blobs)
-      cost += spot_finder_.spots()[static_cast<size_t>(blob)].doubt;
-    order.emplace_back(cost, i);
+    order.emplace_back(found[i].cost + Unlikeness(found[i]), i);
   }
   std::sort(order.begin(), order.end());
   candidates_.clear();
@@ -167,14 +172,15 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
     candidates_.push_back(found[order[i].second]);
     candidates_.back().cost = order[i].first;
   }
-  double work = std::min(work_left_, kWorkOfLevel);
+  double work =
+      candidates_.size() <= kFewCandidates ? work_left_ : std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
                                      kMaxFits - fits_left_, IsLit(image), &work);
   work_left_ += work;
   has_rivals_ = verdict.ambiguous;
   const bool all = verdict.measured == order.size();
-  cut_short_ |= !all;
+  cut_short_ |= verdict.left_out;
   if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) return SearchPartial(image);
   if (!verdict.wand || (all && !wand_finder_.cut_short())) return verdict;
   // What was left out may be as good.
@@ -184,8 +190,10 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
   const bool sure = verdict.wand->cost < kSureCost && spot_finder_.has_all();
   const double worse = sure ? kALittleWorse : WandVerifier::kClearlyWorse;
-  verdict.ambiguous = (wand_finder_.cut_short() && !sure) ||
-                      (!all && order[verdict.measured].first < its_cost + worse);
+  const bool is_rival_left = wand_finder_.cut_short() && !sure &&
+                             wand_finder_.least_cost_left() < its_cost + kALittleWorse;
+  verdict.ambiguous = is_rival_left || (verdict.left_out && !all &&
+                                        order[verdict.measured].first < its_cost + worse);
   if (verdict.ambiguous) verdict.wand.reset();
   return verdict;
 }
@@ -269,7 +277,9 @@ void WandDetector::Follow(const VerifiedWand& wand, Detection* detection) {
   for (const MarkerCentre& centre : wand.centres) {
     centres.push_back(centre.centre_px);
     radius_px = std::max(radius_px, centre.radius_px);
+    detection->marker_grey = std::max(detection->marker_grey, centre.plateau_grey.maxCoeff());
   }
+  detection->marker_radius_px = radius_px;
   track_.Add(observation.time_ns, observation.clock_epoch, centres, radius_px);
   for (size_t k = 0; k < wand.blobs.size(); ++k) observation.markers[k] = Observe(wand, k);
 }
@@ -315,6 +325,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   is_lit_.reset();
   passed_share_ = white_share_ = 0;
   spot_finder_.BeginImage();
+  verifier_.StartImage();
   fits_left_ = kMaxFits;
   work_left_ = kMaxWork;
   std::optional<VerifiedWand> wand;

@@ -39,6 +39,8 @@ class WandDetector {
 
   // Pixels that never belong to a marker from now on (StaticMask), of the images' size.
   void SetIgnored(const PixelMask& ignored) { spot_finder_.SetIgnored(ignored); }
+  // Nor those of this background, while they look like it; null: none. It outlives the detector.
+  void SetBackground(StaticBackground* background) { spot_finder_.SetBackground(background); }
 
   // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
   // for around where it is expected; what is found there is what a search of the whole image
@@ -77,7 +79,8 @@ class WandDetector {
   PixelRect window_;
   SpotFinder spot_finder_;
   std::vector<Blob> standing_out_;      // the spots' blobs
-  std::vector<Eigen::Vector3f> cores_;  // and middles
+  std::vector<Eigen::Vector3f> cores_;  // their middles
+  std::vector<double> doubts_;          // and doubts
   std::vector<WandCandidate> candidates_;
   // Of this image: what its search may still cost, and whether anything was left out for that.
   int fits_left_ = 0;

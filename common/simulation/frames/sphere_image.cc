@@ -24,6 +24,15 @@ Eigen::Vector3d CentreAt(const SphereMotion& sphere, double dt_s) {
          0.5 * dt_s * dt_s * sphere.acceleration_m_s2;
 }
 
+// How far inside a straight edge the light comes from, in the mean, that a Gaussian blur brings to
+// a point `depth_px` inside of it (negative: outside).
+double MeanDepth(double depth_px, double blur_px) {
+  const double z = depth_px / blur_px;
+  if (z < -5) return 0;
+  const double density = std::exp(-0.5 * z * z) / std::sqrt(2 * std::numbers::pi);
+  return depth_px + blur_px * density / (0.5 * std::erfc(-z / std::numbers::sqrt2));
+}
+
 // A sphere as rays see it. Distances between unit vectors stand for angles: near the rim of a small
 // sphere they lose no digits, as cosines do.
 struct Cone {
@@ -139,12 +148,14 @@ void SphereImager::AddPart(const Eigen::Vector3d& centre_in_cam, const ExposureP
   const auto limb = static_cast<float>(options.limb);
   const bool uneven = options.led_gradient.squaredNorm() > 0;
   const bool spot = options.spot_direction.squaredNorm() > 0;
+  const double blur_px = std::sqrt(profile.variance_px2());
   for (size_t row = first_row, i = first_row * width; row < last_row; ++row) {
     for (size_t column = 0; column < width; ++column, ++i) {
       const Eigen::Vector3d away = rays_[i] - cone.axis;
       const double squared = away.squaredNorm();
       if (!(squared < outside)) continue;
       float cover = 1;
+      double from_px = std::numeric_limits<double>::infinity(), px_per_unit = 1;
       if (squared > inside) {
         const Eigen::Vector3d across =
             column > 0 ? rays_[i] - rays_[i - 1] : rays_[i + 1] - rays_[i];
@@ -152,12 +163,12 @@ void SphereImager::AddPart(const Eigen::Vector3d& centre_in_cam, const ExposureP
             row > 0 ? rays_[i] - rays_[i - width] : rays_[i + width] - rays_[i];
         const double slope_squared = std::pow(away.dot(across), 2) + std::pow(away.dot(down), 2);
         if (slope_squared > 0) {
-          const double px_per_unit = std::sqrt(squared / slope_squared);
+          px_per_unit = std::sqrt(squared / slope_squared);
+          from_px = (cone.rim - std::sqrt(squared)) * px_per_unit;
           const double radius_px = cone.rim * px_per_unit;
           const double curved_px =
               std::min(profile.variance_px2() / (2 * radius_px), kMaxCurveShare * radius_px);
-          cover = profile.At(
-              static_cast<float>((cone.rim - std::sqrt(squared)) * px_per_unit - curved_px));
+          cover = profile.At(static_cast<float>(from_px - curved_px));
         }
       }
       const auto height_over_rim =
@@ -165,9 +176,16 @@ void SphereImager::AddPart(const Eigen::Vector3d& centre_in_cam, const ExposureP
       image->cover[i] += share * cover;
       float led = lit * cover * (1 - limb * (1 - height_over_rim));
       if (uneven || spot) {
-        // The surface's normal there: the sphere is small against its distance.
+        // The surface's normal there: the sphere is small against its distance. What blur spreads
+        // over the rim comes from the sphere.
+        Eigen::Vector3d lit_from = away;
+        if (std::isfinite(from_px)) {
+          const double lit_px = MeanDepth(from_px, blur_px);
+          lit_from *= std::max(0.0, cone.rim - lit_px / px_per_unit) / std::sqrt(squared);
+        }
+        const double sine_squared = lit_from.squaredNorm() / rim_squared;
         const Eigen::Vector3d normal =
-            away / cone.rim - static_cast<double>(height_over_rim) * cone.axis;
+            lit_from / cone.rim - std::sqrt(std::max(0.0, 1 - sine_squared)) * cone.axis;
         if (uneven) {
           led *= static_cast<float>(std::max(0.0, 1 + options.led_gradient.dot(normal)));
         }

@@ -35,6 +35,37 @@ std::vector<ReducedParameter> HeldParameters(const HeldRig& held, std::vector<Ei
   return parameters;
 }
 
+// The columns of the anchor, whose pose is fixed in the information: a common motion of all cameras
+// turns and shifts camera c by R_c R_anchor^T times what it does to the anchor.
+void AddAnchor(const BundleProblem& problem, int anchor, const RigUncertainty& uncertainty,
+               const std::vector<ReducedParameter>& held, const Eigen::MatrixXd& own,
+               Eigen::MatrixXd* cross) {
+  const auto rotation_of = [&problem](int camera) {
+    return problem.cameras[static_cast<size_t>(camera)].cam_from_rig.rotation;
+  };
+  const auto is_pose = [](const ReducedParameter& parameter) {
+    return parameter.kind == ReducedParameterKind::kRotation ||
+           parameter.kind == ReducedParameterKind::kTranslation;
+  };
+  const Eigen::MatrixXd others = *cross;
+  const auto add = [&](const std::vector<ReducedParameter>& parameters,
+                       const Eigen::MatrixXd& information) {
+    for (size_t i = 0; i < parameters.size(); ++i) {
+      const ReducedParameter& parameter = parameters[i];
+      if (!is_pose(parameter) || parameter.index == anchor) continue;
+      const Eigen::Matrix3d turn =
+          (rotation_of(parameter.index) * rotation_of(anchor).conjugate()).toRotationMatrix();
+      for (int j = 0; j < 3; ++j) {
+        const Eigen::Index column = RowIn(held, {parameter.kind, anchor, j});
+        cross->col(column) -=
+            turn(parameter.component, j) * information.col(static_cast<Eigen::Index>(i));
+      }
+    }
+  };
+  add(uncertainty.parameters, own);
+  add(held, others);
+}
+
 }  // namespace
 
 absl::Status AddHeldUncertainty(const RigSolution& solution, const HeldRig& held,
@@ -44,8 +75,10 @@ absl::Status AddHeldUncertainty(const RigSolution& solution, const HeldRig& held
   uncertainty->scale_sigma_rel = std::max(uncertainty->scale_sigma_rel, held.scale_sigma_rel);
   if (parameters.empty()) return absl::OkStatus();
   BundleProblem problem = solution.built.problem;
+  // A problem has one fixed camera at least.
+  const int anchor = held.keeps_frame ? parameters.front().index : -1;
   for (const ReducedParameter& parameter : parameters) {
-    problem.cameras[static_cast<size_t>(parameter.index)].pose_fixed = false;
+    problem.cameras[static_cast<size_t>(parameter.index)].pose_fixed = parameter.index == anchor;
   }
   RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation information,
                           ComputeInformation(BundleOptions(), problem));
@@ -67,6 +100,7 @@ absl::Status AddHeldUncertainty(const RigSolution& solution, const HeldRig& held
       if (column >= 0) cross(i, j) = information.information(row, column);
     }
   }
+  if (anchor >= 0) AddAnchor(problem, anchor, *uncertainty, parameters, own, &cross);
   const Eigen::VectorXd scale = own.diagonal().cwiseAbs().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd scaled = scale.asDiagonal() * own * scale.asDiagonal();
   const Eigen::MatrixXd follow =

@@ -14,7 +14,7 @@ int RigPoses::Find(const std::string& camera) const {
 }
 
 absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration,
-                                 const std::vector<std::string>& given) {
+                                 const std::vector<std::string>& given, LensRows lens_rows) {
   if (!calibration.scale_known) {
     return absl::FailedPreconditionError("the calibration has no known scale");
   }
@@ -22,6 +22,7 @@ absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration,
   poses.scale_sigma_rel = calibration.target.scale_sigma_rel;
   std::vector<Eigen::Index> rows;    // in the packed covariance, of each pose row; -1: none
   std::vector<Eigen::Index> lenses;  // likewise, of the intrinsics that are exact
+  std::vector<Eigen::Index> own_rows;  // of RigPoses::lenses
   Eigen::Index count = 0;
   for (const CalibratedCamera& camera : calibration.cameras) {
     poses.cameras.push_back(camera.camera);
@@ -30,8 +31,12 @@ absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration,
     for (int i = 0; i < 6; ++i) rows.push_back(is_reference ? -1 : count++);
     if (!camera.intrinsics_refined) continue;
     const bool is_given = std::ranges::find(given, camera.camera) != given.end();
-    for (Eigen::Index i = 0; i < ToVector(camera.intrinsics).size(); ++i, ++count) {
+    const IntrinsicsVector values = ToVector(camera.intrinsics);
+    for (Eigen::Index i = 0; i < values.size(); ++i, ++count) {
       if (is_given) lenses.push_back(count);
+      if (is_given || lens_rows != LensRows::kOwn) continue;
+      own_rows.push_back(count);
+      poses.lenses.push_back({camera.camera, static_cast<int>(i), values[i]});
     }
   }
   const std::vector<double>& packed = calibration.camera_covariance;
@@ -56,6 +61,7 @@ absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration,
   };
   // Those that were held have no variance.
   std::erase_if(lenses, [&value](Eigen::Index row) { return !(value(row, row) > 0); });
+  rows.insert(rows.end(), own_rows.begin(), own_rows.end());
   poses.covariance = block(rows, rows);
   if (lenses.empty()) return poses;
   const Eigen::MatrixXd own = block(lenses, lenses), cross = block(rows, lenses);
@@ -69,7 +75,7 @@ absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration,
 }
 
 void HoldFixed(size_t camera, RigPoses* poses) {
-  const auto size = static_cast<Eigen::Index>(6 * poses->cameras.size());
+  const Eigen::Index size = poses->covariance.rows();
   const auto own = static_cast<Eigen::Index>(6 * camera);
   Eigen::MatrixXd change = Eigen::MatrixXd::Identity(size, size);
   for (size_t c = 0; c < poses->cameras.size(); ++c) {

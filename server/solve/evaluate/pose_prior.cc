@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -35,6 +36,16 @@ std::vector<PriorRow> RowsOfPrior(const BundleProblem& problem, const RigPoses& 
            static_cast<int>(c), i % 3});
       if (row >= 0) rows.push_back({row, 6 * known + i, difference[i]});
     }
+  }
+  for (size_t l = 0; l < prior.lenses.size(); ++l) {
+    const RigPoses::Lens& lens = prior.lenses[l];
+    const auto camera = std::ranges::find(problem.cameras, lens.camera, &BundleCamera::name);
+    const auto known = static_cast<Eigen::Index>(6 * prior.cameras.size() + l);
+    if (camera == problem.cameras.end() || !(prior.covariance(known, known) > 0)) continue;
+    const Eigen::Index row =
+        uncertainty.Row({ReducedParameterKind::kIntrinsic,
+                         static_cast<int>(camera - problem.cameras.begin()), lens.component});
+    if (row >= 0) rows.push_back({row, known, lens.value - camera->intrinsics[lens.component]});
   }
   return rows;
 }
@@ -107,9 +118,13 @@ absl::Status AddPosePrior(const RigObservations& rig, const RigPoses& prior,
   const Eigen::MatrixXd cross = shape(Eigen::all, solved);
   const Eigen::MatrixXd spread =
       Eigen::MatrixXd(shape(solved, solved)) + Eigen::MatrixXd(prior.covariance(known, known));
-  const Eigen::LDLT<Eigen::MatrixXd> factor(spread);
-  const Eigen::VectorXd step = cross * factor.solve(difference);
-  const Eigen::MatrixXd gained = cross * factor.solve(cross.transpose());
+  // Poses and lenses are of very different size.
+  const Eigen::VectorXd units = spread.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::LDLT<Eigen::MatrixXd> factor(
+      Eigen::MatrixXd(units.asDiagonal() * spread * units.asDiagonal()));
+  const Eigen::MatrixXd scaled = cross * units.asDiagonal();
+  const Eigen::VectorXd step = scaled * factor.solve(units.cwiseProduct(difference));
+  const Eigen::MatrixXd gained = scaled * factor.solve(scaled.transpose());
   if (!step.allFinite() || !gained.allFinite()) {
     return absl::InternalError("the covariance of the earlier calibration is singular");
   }

@@ -15,6 +15,10 @@ namespace rigcal::server {
 // with the poses; the target is placed anew. Both covariances are those of the shape: the wand is
 // the same, so that the scale gains nothing.
 //
+// Lenses that both have refined (RigPoses::lenses) are part of it with their correlations. The
+// solve has a weak prior of its own around the earlier lenses (intrinsics_prior.h), which is then
+// counted twice; beside what a wave says of a lens it is little.
+//
 // `prior`: in the frame of the solve, its reference camera held fixed. Of the joint covariance the
 // rows of the cameras that both have are used. What is held out of the solve, and the errors on it,
 // stay those of the solve without the prior.

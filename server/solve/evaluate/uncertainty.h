@@ -58,7 +58,7 @@ absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
 void DescribeCameras(const BundleProblem& problem, RigUncertainty* uncertainty);
 
 // The shape's covariance in the form of CalibrationResult::camera_covariance. Parameters that were
-// held fixed, or that no marker touches, have zeros.
+// held fixed, or that no marker touches, have zeros. `reference_camera` -1: every camera has rows.
 std::vector<double> PackCameraCovariance(const BundleProblem& problem, int reference_camera,
                                          const RigUncertainty& uncertainty);
 

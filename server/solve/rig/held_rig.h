@@ -15,8 +15,9 @@ struct HeldRig {
   std::vector<std::optional<RigidTransform>> cam_from_rig;
   // Of the held poses, six rows for each camera of the index: rotation vector in the camera frame
   // (applied from the left) and translation of cam_from_rig. Zero for cameras that are solved, and
-  // for the reference camera of the solve.
+  // for the reference camera of the solve unless the frame is another one.
   Eigen::MatrixXd covariance;
+  bool keeps_frame = false;    // the frame is that of no camera: all of them have a covariance
   double scale_sigma_rel = 0;  // of all lengths
 
   bool Holds(size_t camera) const {

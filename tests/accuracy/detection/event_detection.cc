@@ -39,7 +39,8 @@ void PrintCentreErrors(const std::vector<EventStreamResult>& results) {
 }
 
 EventDetectionSummary PrintEventCase(const std::string& name, const EventDetectionOptions& options,
-                                     bool verbose) {
+                                     const SeedOptions& seeds) {
+  if (name.find(seeds.only) == std::string::npos) return {};
   const auto results = RunEventDetection(options);
   const EventDetectionSummary s = Summarise(results);
   fmt::print(
@@ -54,9 +55,13 @@ EventDetectionSummary PrintEventCase(const std::string& name, const EventDetecti
       s.wands_shown > 0 ? 100.0 * s.wands_found / s.wands_shown : 0.0, s.false_wands,
       s.detections > 0 ? 100.0 * s.false_wands / s.detections : 0.0, s.wands.rms_px,
       s.wand_latency_us);
+  if (s.spheres_shown > 0) {
+    fmt::print("    spheres seen whole, of wands with two or more: {:.2f} % of {}; {} ambiguous\n",
+               100.0 * s.spheres_found / s.spheres_shown, s.spheres_shown, s.ambiguous);
+  }
   if (s.wands.centres > 0) PrintCentreErrors(results);
   std::fflush(stdout);
-  if (!verbose) return s;
+  if (!seeds.verbose) return s;
   for (const EventStreamResult& result : results) {
     if (!result.status.ok()) fmt::print("  {}\n", result.status.ToString());
     for (size_t i = 0; i < result.outputs.size(); ++i) {
@@ -80,7 +85,7 @@ EventDetectionSummary PrintEventCase(const std::string& name, const EventDetecti
 }
 
 // The variants, with a share of the streams each.
-void PrintVariants(const EventDetectionOptions& plain, bool verbose) {
+void PrintVariants(const EventDetectionOptions& plain, const SeedOptions& seeds) {
   const auto some = [&plain](int share) {
     EventDetectionOptions options = plain;
     options.streams = std::max(1, plain.streams / share);
@@ -88,24 +93,33 @@ void PrintVariants(const EventDetectionOptions& plain, bool verbose) {
   };
   EventDetectionOptions still = some(4);
   still.pose.speed_m_s = 0;
-  PrintEventCase("stationary", still, verbose);
+  PrintEventCase("stationary", still, seeds);
   EventDetectionOptions quiet = some(4);
   quiet.sensor.background_hz = quiet.sensor.bars = quiet.sensor.lamps = quiet.sensor.hot_pixels = 0;
   quiet.sensor.leak_hz = 0;
-  PrintEventCase("moving, no noise", quiet, verbose);
+  PrintEventCase("moving, no noise", quiet, seeds);
   EventDetectionOptions loud = some(8);
   loud.sensor.background_hz *= 4;
-  PrintEventCase("moving, 20 Mev/s noise", loud, verbose);
+  PrintEventCase("moving, 20 Mev/s noise", loud, seeds);
   EventDetectionOptions individual = some(8);
   individual.target.blink_hz = individual.filter.blink_hz = {400, 500, 620};
-  PrintEventCase("moving, 3 frequencies", individual, verbose);
+  PrintEventCase("moving, 3 frequencies", individual, seeds);
   EventDetectionOptions fast = some(8);
   fast.output_hz = 200;
   fast.outputs = 40;
-  PrintEventCase("moving, 200 Hz", fast, verbose);
+  PrintEventCase("moving, 200 Hz", fast, seeds);
   fast.output_hz = 1000;  // each burst is emitted once: 500 detections per second
   fast.outputs = 200;
-  PrintEventCase("moving, 1 kHz", fast, verbose);
+  PrintEventCase("moving, 1 kHz", fast, seeds);
+  EventDetectionOptions border = some(4);
+  border.at_border = true;
+  PrintEventCase("an end at the border", border, seeds);
+  EventDetectionOptions hidden = some(4);
+  hidden.hide_one = true;
+  PrintEventCase("one sphere hidden", hidden, seeds);
+  EventDetectionOptions two = some(4);
+  two.second_wand = true;
+  PrintEventCase("two wands that cross", two, seeds);
 }
 
 int RunEventCases(const SeedOptions& seeds) {
@@ -118,17 +132,17 @@ int RunEventCases(const SeedOptions& seeds) {
       "        wall/\n"
       "case                   outputs failed       %       %  blobs  lat.out      raw       us   "
       "motion  Mev/s    sim\n");
-  const EventDetectionSummary moving = PrintEventCase("moving", plain, seeds.verbose);
+  const EventDetectionSummary moving = PrintEventCase("moving", plain, seeds);
   EventDetectionOptions empty = plain;
   empty.with_wand = false;
   empty.seed += 500;
-  const EventDetectionSummary none = PrintEventCase("no wand", empty, seeds.verbose);
+  const EventDetectionSummary none = PrintEventCase("no wand", empty, seeds);
   const int detections = moving.detections + none.detections;
   const int false_wands = moving.false_wands + none.false_wands;
   fmt::print("false wands: {} of {} detections ({:.3f} %), {} of them without a wand in view\n",
              false_wands, detections, 100.0 * false_wands / std::max(1, detections),
              none.detections);
-  PrintVariants(plain, seeds.verbose);
+  PrintVariants(plain, seeds);
   return 0;
 }
 

@@ -14,6 +14,7 @@
 #include "common/camera/camera_model.h"
 #include "common/simulation/events/event_renderer.h"
 #include "common/simulation/world/random_stream.h"
+#include "common/status/status_macros.h"
 #include "tests/accuracy/detection/paper_rig.h"
 #include "tests/accuracy/detection/textbook_chain.h"
 #include "tests/accuracy/seed_runs.h"
@@ -22,7 +23,10 @@ namespace rigcal::accuracy {
 namespace {
 
 constexpr double kFoundPx = 3;
+constexpr double kWholePx = 2;  // of a sphere seen whole, from the border
+constexpr double kCoverPx = 4;  // around a sphere that something hides
 constexpr int64_t kSliceUs = 5000;
+constexpr uint64_t kSecondWand = 50'000'000;  // added to the seed
 
 // The wand after `seconds` of uniform motion.
 WandPose MovedBy(const WandMotion& at, double seconds) {
@@ -57,6 +61,34 @@ std::optional<WandMotion> DrawWand(const EventDetectionOptions& options, uint64_
     wand->angular_velocity_rad_s *= options.max_speed_px_s / speed;
   }
   return wand;
+}
+
+// Sideways, until an end's centre is on the nearest border.
+void MoveToBorder(const EventDetectionOptions& options, uint64_t seed, WandMotion* wand) {
+  const Intrinsics& intrinsics = *options.camera.intrinsics;
+  const bool last = RandomStream{seed, 0xb0d}.Uniform() < 0.5;
+  const double end_m = last ? options.target.marker_positions_m.back() : 0;
+  for (int round = 0; round < 5; ++round) {  // a lens bends the way
+    const Eigen::Vector3d end = wand->At(end_m);
+    Eigen::Vector2d at;
+    if (!Project(intrinsics, end, &at)) return;
+    const double width = options.camera.image_size_px.width - 1;
+    const double height = options.camera.image_size_px.height - 1;
+    Eigen::Vector2d way(at.x() < width / 2 ? -at.x() : width - at.x(),
+                        at.y() < height / 2 ? -at.y() : height - at.y());
+    way[std::abs(way.x()) < std::abs(way.y()) ? 1 : 0] = 0;
+    wand->origin_m.head<2>() +=
+        end.z() * way.cwiseQuotient(Eigen::Vector2d(intrinsics.fx_px, intrinsics.fy_px));
+  }
+}
+
+// Moved so that the middles of both are seen in one direction.
+WandMotion CrossingAt(const EventDetectionOptions& options, const WandPose& first,
+                      WandMotion second) {
+  const double middle_m = 0.5 * options.target.marker_positions_m.back();
+  const Eigen::Vector3d there = first.At(middle_m).normalized() * second.At(middle_m).norm();
+  second.origin_m += there - second.At(middle_m);
+  return second;
 }
 
 bool IsShown(const EventDetectionOptions& options, const WandPose& wand) {
@@ -116,30 +148,32 @@ int CountFilled(const EventRenderer& renderer, const WandPose& wand,
   return count;
 }
 
-void VerifyWand(const EventDetectionOptions& options, const EventRenderer& renderer,
-                const WandPath& path, const agent::Detection& detection, EventWands* wands) {
-  ++wands->detections;
-  const bool is_wand = detection.outcome == DetectionOutcome::kWand;
-  const Observation& seen = detection.observation;
-  const double time_s = 1e-9 * static_cast<double>(seen.time_ns);
-  const auto wand = path ? path(time_s) : std::nullopt;
-  if (!wand.has_value()) {
-    wands->false_wands += is_wand ? 1 : 0;
-    return;
+// A wand in a stream.
+struct ShownWand {
+  WandPath path;
+  std::optional<size_t> hidden;  // marker, from then on
+  double hidden_from_s = 0;
+
+  bool Hides(size_t marker, double time_s) const {
+    return hidden == marker && time_s >= hidden_from_s;
   }
-  const bool shown = IsShown(options, *wand);
-  wands->shown += shown ? 1 : 0;
-  if (!is_wand) return;
-  bool good = true;
+};
+
+struct VerifiedMarkers {
+  std::vector<EventCentre> centres;  // of those delivered
+  double worst_px = 0;
+  int found = 0;
+};
+
+VerifiedMarkers CompareWith(const EventDetectionOptions& options, const EventRenderer& renderer,
+                            const WandPath& path, const Observation& seen) {
+  VerifiedMarkers result;
   for (size_t k = 0; k < seen.markers.size(); ++k) {
-    if (!seen.markers[k].visible) {
-      good = false;
-      continue;
-    }
-    const double at_s = time_s + 1e-9 * seen.markers[k].time_delta_ns;
+    if (!seen.markers[k].visible) continue;
+    const double at_s = 1e-9 * static_cast<double>(seen.time_ns + seen.markers[k].time_delta_ns);
     const WandPose pose = *path(at_s);
     const MarkerGroundTruth then = renderer.TruthOf(pose)[k];
-    EventCentre centre;
+    EventCentre& centre = result.centres.emplace_back();
     centre.covariance_px2 = seen.markers[k].covariance_px2;
     centre.distance_m = pose.At(options.target.marker_positions_m[k]).norm();
     centre.radius_px = then.radius_px;
@@ -147,21 +181,73 @@ void VerifyWand(const EventDetectionOptions& options, const EventRenderer& rende
     centre.velocity_px_s =
         1e3 * (renderer.TruthOf(*path(at_s + 1e-3))[k].centre_px - then.centre_px);
     centre.found = centre.error_px.norm() < kFoundPx;
-    if (!centre.found) {
-      ++wands->false_wands;
-      return;
-    }
-    if (shown) wands->centres.push_back(centre);
+    result.found += centre.found ? 1 : 0;
+    result.worst_px = std::max(result.worst_px, centre.error_px.norm());
   }
-  wands->found += shown && good ? 1 : 0;
+  return result;
+}
+
+// Those seen whole; none where that is less than two.
+int WholeSpheres(const EventDetectionOptions& options, const EventRenderer& renderer,
+                 const ShownWand& wand, double time_s) {
+  const auto truth = renderer.TruthOf(*wand.path(time_s));
+  const double width = options.camera.image_size_px.width;
+  const double height = options.camera.image_size_px.height;
+  int whole = 0;
+  for (size_t k = 0; k < truth.size(); ++k) {
+    const Eigen::Vector2d& at = truth[k].centre_px;
+    const double room_px = truth[k].radius_px + kWholePx;
+    whole += truth[k].inside && at.x() > room_px && at.x() < width - 1 - room_px &&
+                     at.y() > room_px && at.y() < height - 1 - room_px && !wand.Hides(k, time_s)
+                 ? 1
+                 : 0;
+  }
+  return whole < 2 ? 0 : whole;
+}
+
+void VerifyWand(const EventDetectionOptions& options, const EventRenderer& renderer,
+                const std::vector<ShownWand>& shown_wands, const agent::Detection& detection,
+                EventWands* wands) {
+  ++wands->detections;
+  const bool is_wand = detection.outcome == DetectionOutcome::kWand;
+  wands->ambiguous += detection.outcome == DetectionOutcome::kAmbiguous ? 1 : 0;
+  const Observation& seen = detection.observation;
+  const double time_s = 1e-9 * static_cast<double>(seen.time_ns);
+  if (shown_wands.empty()) {
+    wands->false_wands += is_wand ? 1 : 0;
+    return;
+  }
+  const ShownWand& first = shown_wands.front();
+  const bool shown = IsShown(options, *first.path(time_s)) && !first.Hides(0, time_s) &&
+                     !first.Hides(1, time_s) && !first.Hides(2, time_s);
+  const int spheres = WholeSpheres(options, renderer, first, time_s);
+  wands->shown += shown ? 1 : 0;
+  wands->spheres_shown += spheres;
+  if (!is_wand) return;
+  // All markers must be of one wand.
+  VerifiedMarkers best = CompareWith(options, renderer, first.path, seen);
+  for (size_t i = 1; i < shown_wands.size(); ++i) {
+    VerifiedMarkers other = CompareWith(options, renderer, shown_wands[i].path, seen);
+    if (other.worst_px < best.worst_px) best = std::move(other);
+  }
+  if (best.worst_px >= kFoundPx) {
+    ++wands->false_wands;
+    return;
+  }
+  wands->spheres_found += std::min(spheres, best.found);
+  if (shown) wands->centres.insert(wands->centres.end(), best.centres.begin(), best.centres.end());
+  wands->found += shown && best.centres.size() == seen.markers.size() ? 1 : 0;
 }
 
 // Renders events and passes them to filter and detector as a sensor would.
 class Chain {
  public:
   Chain(EventRenderer* renderer, agent::BlinkFilter* filter, agent::BlinkWandDetector* detector,
-        TextbookChain* textbook, agent::SensorGeometry geometry)
+        TextbookChain* textbook, agent::SensorGeometry geometry, EventRenderer* second,
+        std::vector<ShownWand> wands)
       : renderer_(renderer),
+        second_(second),
+        wands_(std::move(wands)),
         filter_(filter),
         detector_(detector),
         textbook_(textbook),
@@ -174,6 +260,8 @@ class Chain {
       events_.clear();
       const absl::Status status = renderer_->Render(to_us, path, &events_, &triggers_);
       if (!status.ok()) return status;
+      RIGCAL_RETURN_IF_ERROR(AddSecondWand(to_us));
+      HideSphere();
       const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
       result->render_wall_s += took.count();
       result->events += events_.size();
@@ -194,7 +282,38 @@ class Chain {
   const std::vector<agent::Detection>& detections() const { return detections_; }
 
  private:
+  // As if neither wand hid the other.
+  absl::Status AddSecondWand(int64_t to_us) {
+    if (second_ == nullptr) return absl::OkStatus();
+    const auto middle = static_cast<std::ptrdiff_t>(events_.size());
+    RIGCAL_RETURN_IF_ERROR(second_->Render(to_us, wands_[1].path, &events_, &triggers_));
+    std::inplace_merge(
+        events_.begin(), events_.begin() + middle, events_.end(),
+        [](const SimulatedEvent& a, const SimulatedEvent& b) { return a.time_us < b.time_us; });
+    return absl::OkStatus();
+  }
+
+  // Something black and still moves along before it.
+  void HideSphere() {
+    if (wands_.empty() || !wands_[0].hidden || events_.empty()) return;
+    const size_t hidden = *wands_[0].hidden;
+    int64_t drawn_us = -1;
+    MarkerGroundTruth at;
+    std::erase_if(events_, [&](const SimulatedEvent& event) {
+      const double time_s = 1e-6 * static_cast<double>(event.time_us);
+      if (!wands_[0].Hides(hidden, time_s)) return false;
+      if (event.time_us > drawn_us + kDrawUs) {
+        at = renderer_->TruthOf(*wands_[0].path(time_s))[hidden];
+        drawn_us = event.time_us;
+      }
+      return (Eigen::Vector2d(event.x, event.y) - at.centre_px).norm() < at.radius_px + kCoverPx;
+    });
+  }
+
+  static constexpr int64_t kDrawUs = 500;
   EventRenderer* renderer_;
+  EventRenderer* second_;
+  std::vector<ShownWand> wands_;
   agent::BlinkFilter* filter_;
   agent::BlinkWandDetector* detector_;
   TextbookChain* textbook_;
@@ -229,10 +348,36 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
   if (!result.status.ok()) return result;
   const double middle_s = options.warm_up_s + 0.5 * options.outputs / options.output_hz;
   WandPath path;
+  std::vector<ShownWand> wands;
+  const auto add_wand = [&](const WandMotion& wand) {
+    ShownWand& shown = wands.emplace_back();
+    shown.path = [at = wand, middle_s](double time_s) { return MovedBy(at, time_s - middle_s); };
+  };
+  std::optional<EventRenderer> second;
   if (options.with_wand) {
-    const auto wand = DrawWand(options, seed);
+    auto wand = DrawWand(options, seed);
     if (!wand.has_value()) return result;
-    path = [at = *wand, middle_s](double time_s) { return MovedBy(at, time_s - middle_s); };
+    if (options.at_border) MoveToBorder(options, seed, &*wand);
+    add_wand(*wand);
+    path = wands[0].path;
+    if (options.hide_one) {
+      wands[0].hidden = seed % options.target.marker_positions_m.size();
+      wands[0].hidden_from_s = middle_s;
+    }
+  }
+  if (options.second_wand) {
+    const auto wand = DrawWand(options, seed + kSecondWand);
+    if (!wand.has_value()) return result;
+    add_wand(CrossingAt(options, wands[0].path(middle_s).value(), *wand));
+    EventRenderOptions quiet = sensor;
+    quiet.background_hz = quiet.shot_hz = quiet.leak_hz = quiet.hot_pixels = 0;
+    quiet.bars = quiet.lamps = 0;
+    quiet.led_phase = RandomStream{seed, 0x2ed}.Uniform();
+    auto other = EventRenderer::Create(*options.camera.intrinsics, options.camera.image_size_px,
+                                       options.target, scene, quiet);
+    result.status = other.status();
+    if (!other.ok()) return result;
+    second.emplace(*std::move(other));
   }
   std::optional<TextbookChain> textbook;
   if (options.textbook) {
@@ -240,7 +385,7 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
                      options.filter.band_rel);
   }
   Chain chain(&*renderer, &*filter, &*detector, textbook ? &*textbook : nullptr,
-              options.filter.geometry);
+              options.filter.geometry, second ? &*second : nullptr, wands);
   for (int k = 0; k < options.outputs; ++k) {
     const double now_s = options.warm_up_s + k / options.output_hz;
     const auto cells = std::llround(1e6 * now_s / EventRenderer::kCellUs);
@@ -257,7 +402,7 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
   }
   for (const agent::Detection& detection : chain.detections()) {
     if (1e-9 * static_cast<double>(detection.observation.time_ns) < options.warm_up_s) continue;
-    VerifyWand(options, *renderer, path, detection, &result.wands);
+    VerifyWand(options, *renderer, wands, detection, &result.wands);
   }
   result.rendered_s = 1e-6 * static_cast<double>(renderer->time_us());
   return result;

@@ -27,6 +27,12 @@ struct EventDetectionOptions {
   double max_speed_px_s = 1e9;  // slower where the wand would move faster in the image
   agent::BlinkFilterOptions filter;
   bool with_wand = true;
+  // One sphere cannot be seen in the second half of the stream; which one goes by the seed.
+  bool hide_one = false;
+  // An end of the wand is on the image's border in the middle of the stream.
+  bool at_border = false;
+  // Another wand of the same frequency, LEDs of its own, crosses the first one's way.
+  bool second_wand = false;
   bool textbook = false;  // run TextbookChain too
   int streams = 20;
   double warm_up_s = 0.03;  // before the first output
@@ -64,6 +70,9 @@ struct EventWands {
   int shown = 0;        // the wand was fully within the image at the time of the detection
   int found = 0;        // and all its markers are within 3 px
   int false_wands = 0;  // a marker further away, or a wand where there is none
+  int ambiguous = 0;    // refused: several wands
+  // Spheres seen whole, of wands with two or more of these, and those of them that were delivered.
+  int spheres_shown = 0, spheres_found = 0;
   std::vector<EventCentre> centres;
 };
 
@@ -106,6 +115,7 @@ struct EventDetectionSummary {
   double motion_bias_px = 0;  // mean error along the motion at 450 to 650 px/s, latency subtracted
   int motion_centres = 0;     // in that mean
   int detections = 0, wands_shown = 0, wands_found = 0, false_wands = 0;  // of the detector
+  int ambiguous = 0, spheres_shown = 0, spheres_found = 0;                // likewise
   EventCentreErrors wands;     // of its centres, with nothing subtracted
   double wand_latency_us = 0;  // of the same centres
   double mev_per_s = 0;        // events of a second of the streams

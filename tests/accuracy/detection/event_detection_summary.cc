@@ -61,6 +61,9 @@ EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results) {
     summary.wands_shown += result.wands.shown;
     summary.wands_found += result.wands.found;
     summary.false_wands += result.wands.false_wands;
+    summary.ambiguous += result.wands.ambiguous;
+    summary.spheres_shown += result.wands.spheres_shown;
+    summary.spheres_found += result.wands.spheres_found;
     for (const EventOutput& output : result.outputs) {
       ++summary.outputs;
       summary.false_blobs += output.false_blobs;

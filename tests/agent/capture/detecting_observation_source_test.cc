@@ -206,6 +206,46 @@ TEST(DetectingObservationSource, LearnsWhatStandsStillBeforeTheWave) {
   }
 }
 
+TEST(DetectingObservationSource, IgnoresLampsThatStandLikeAWandAfterSeconds) {
+  std::vector<cv::Mat> images;
+  for (int i = 0; i < 60; ++i) {
+    cv::Mat both = WandAt(100, 400);
+    cv::max(both, WandAt(150 + 2 * i, 150), both);
+    images.push_back(both);
+  }
+  DetectingOptions options;
+  options.background_s = 1;
+  const auto source = Make(std::make_unique<ScriptedFrames>(images), options);
+  const std::vector<Observation> observations = Drain(*source);
+  EXPECT_EQ(observations[0].VisibleCount(), 0);
+  for (size_t i = 40; i < 60; ++i) {
+    ASSERT_EQ(observations[i].VisibleCount(), 3) << i;
+    EXPECT_NEAR(observations[i].markers[0].centre_px.y(), 150, 1);
+  }
+  EXPECT_GT(source->last_detection().background_share, 0);
+
+  options.background_s = 0;
+  const auto without = Make(std::make_unique<ScriptedFrames>(images), options);
+  EXPECT_EQ(Drain(*without).back().VisibleCount(), 0);
+  EXPECT_EQ(without->last_detection().background_share, 0);
+}
+
+TEST(DetectingObservationSource, CountsFramesInWhichAWandThatRestsIsIgnored) {
+  LoggedText log;
+  std::vector<cv::Mat> images(120, WandAt(100, 200));
+  images.push_back(WandAt(103, 202));
+  DetectingOptions options;
+  options.background_s = 1;
+  const auto source = Make(std::make_unique<ScriptedFrames>(images), options);
+  const std::vector<Observation> observations = Drain(*source);
+  for (size_t i = 0; i < 70; ++i) EXPECT_EQ(observations[i].VisibleCount(), 3) << i;
+  EXPECT_EQ(observations[115].VisibleCount(), 0);
+  EXPECT_EQ(observations[120].VisibleCount(), 3);
+  EXPECT_GT(Counts(*source)[RefusalReason::kWandResting], 20u);
+  EXPECT_EQ(Counts(*source)[RefusalReason::kWandResting], source->resting_wands());
+  EXPECT_THAT(log.text(), HasSubstr("has rested for 3 s and is ignored until it moves"));
+}
+
 TEST(DetectingObservationSource, TakesAMaskOfTheRightSizeOnly) {
   const TemporaryDirectory directory;
   const std::string path = (directory.path() / "mask.png").string();

@@ -4,10 +4,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 
 #include <array>
 #include <cmath>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -165,6 +168,38 @@ TEST_F(EventObservationSourceTest, NoiseAloneIsNoWand) {
   const auto observations = Observe(wand.RawFile(), ";rate=200");
   EXPECT_NEAR(static_cast<double>(observations.size()), 60, 2);
   for (const Observation& observation : observations) EXPECT_EQ(observation.VisibleCount(), 0);
+}
+
+// What was logged during its life.
+class WarningText {
+ public:
+  WarningText() : old_(spdlog::default_logger()) {
+    spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+        "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(stream_)));
+  }
+  ~WarningText() { spdlog::set_default_logger(old_); }
+  std::string text() const { return stream_.str(); }
+
+ private:
+  std::ostringstream stream_;
+  std::shared_ptr<spdlog::logger> old_;
+};
+
+TEST_F(EventObservationSourceTest, SaysThatNothingBlinksAsTheTargetSays) {
+  BlinkingWand wand;
+  wand.duration_s = 2.2;
+  for (const double blink_hz : {340.0, 500.0}) {
+    wand.blink_hz = blink_hz;
+    const WarningText log;
+    int wands = 0;
+    for (const Observation& observation : Observe(wand.RawFile(), ";rate=500")) {
+      wands += observation.VisibleCount() > 0 ? 1 : 0;
+    }
+    EXPECT_EQ(wands > 0, blink_hz == 500);
+    EXPECT_EQ(log.text().find("nothing blinks at the wand's frequency") != std::string::npos,
+              blink_hz != 500)
+        << log.text();
+  }
 }
 
 TEST_F(EventObservationSourceTest, LongTimesOfTheSensorDoNotMatter) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -77,6 +78,36 @@ TEST(MarkerMeter, SaturationAndASlopingBackgroundMoveNothing) {
     ASSERT_TRUE(meter.Measure(image->View(), image->blob_, &centre));
     EXPECT_LT((centre.centre_px - true_px).norm(), 0.04);
   }
+}
+
+// Where red is saturated, it does not show that one side is brighter, and seems to reach further.
+TEST(MarkerMeter, SaturatedChannelOfAnUnevenDiscIsLeftOut) {
+  const Eigen::Vector2d true_px(31.3, 32.8);
+  const DiscImage plain(true_px, 8, 1, Flat);
+  std::vector<uint8_t> pixels(kSize * kSize * 3);
+  const double colour[3] = {40, 95, 230};
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x) {
+      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - true_px;
+      const double share = 0.5 * std::erfc((d.norm() - 8) / (0.7 * std::sqrt(2.0)));
+      const double light = 1 + 0.4 * d.x() / std::max(8.0, d.norm());
+      for (int k = 0; k < 3; ++k) {
+        pixels[static_cast<size_t>((y * kSize + x) * 3 + k)] = static_cast<uint8_t>(
+            std::lround(std::min(255.0, share * light * colour[k] + (1 - share) * 10)));
+      }
+    }
+  }
+  const ImageView image{pixels.data(), kSize, kSize, kSize * 3, PixelFormat::kBgr8};
+  MarkerMeter meter;
+  MarkerCentre centre;
+  ASSERT_TRUE(meter.Measure(image, plain.blob_, &centre));
+  EXPECT_EQ(centre.saturated, (std::array<bool, 3>{false, false, true}));
+  OutlinePixels outline;
+  meter.CollectPixels(image, centre, &outline);
+  float most = 0;
+  for (const float coverage : outline.coverage) most = std::max(most, coverage);
+  // With the saturated channel 1.1.
+  EXPECT_GT(most, 1.25f);
 }
 
 TEST(MarkerMeter, AnotherDiscBesideItMovesLittle) {

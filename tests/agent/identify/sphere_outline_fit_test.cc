@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <random>
 
 namespace rigcal::agent::sphere_outline_fit_test {
@@ -84,6 +85,34 @@ TEST(SphereOutlineFitter, WhiteLightFromAboveDoesNotMoveTheCentre) {
     EXPECT_LT(white.cost, plain.cost) << radius;
     EXPECT_LT((white.centre_px - Eigen::Vector2d(0.2, 0.1)).norm(), 0.05) << radius;
   }
+}
+
+// Blur mixes the light near the rim with what is further inside.
+TEST(SphereOutlineFitter, BlurOfAnUnevenSphereDoesNotMoveTheCentre) {
+  constexpr double kRadius = 4, kBlurPx = 1.2, kSlope = 0.35, kStep = 0.2;
+  const Eigen::Vector2d centre(0.2, -0.1);
+  OutlinePixels pixels;
+  for (int y = -10; y <= 10; ++y) {
+    for (int x = -10; x <= 10; ++x) {
+      double light = 0;
+      for (double v = -kRadius; v < kRadius; v += kStep) {
+        for (double u = -kRadius; u < kRadius; u += kStep) {
+          if (u * u + v * v > kRadius * kRadius) continue;
+          const double squared =
+              (Eigen::Vector2d(x, y) - centre - Eigen::Vector2d(u, v)).squaredNorm();
+          light += (1 + kSlope * u / kRadius) * std::exp(-0.5 * squared / (kBlurPx * kBlurPx));
+        }
+      }
+      light *= kStep * kStep / (2 * std::numbers::pi * kBlurPx * kBlurPx);
+      pixels.Add(static_cast<float>(x), static_cast<float>(y), static_cast<float>(light), 50);
+    }
+  }
+  pixels.FillUp();
+  SphereOutlineFitter fitter;
+  SphereOutline outline{.centre_px = Centroid(pixels), .radius_px = kRadius};
+  ASSERT_TRUE(
+      fitter.Fit(pixels, 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {}, &outline));
+  EXPECT_LT((outline.centre_px - centre).norm(), 0.05);
 }
 
 TEST(SphereOutlineFitter, CovarianceIsThatOfTheErrors) {

@@ -5,6 +5,7 @@
 #include <google/protobuf/util/json_util.h>
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <string>
 
 #include "common/wire/calibration_result_wire.h"
@@ -75,6 +76,97 @@ TEST(CalibrationWire, StoredFormReadsBackEqual) {
   EXPECT_EQ(back.result->refused, FilledCalibration().result->refused);
   EXPECT_EQ(back.options, FilledCalibration().options);
   EXPECT_EQ(back.create_utc_ns, FilledCalibration().create_utc_ns);
+}
+
+TEST(CalibrationWire, KeepsFrameScaleAndWhatHoldsIt) {
+  Calibration calibration = FilledCalibration();
+  calibration.options.kind = SolveKind::kOrigin;
+  calibration.options.parent_id = "c-000000";
+  OriginRequest& origin = calibration.options.origin.emplace();
+  origin.source = FrameSource::kPoints;
+  origin.points = {{"A", 0, 0, 0, 0.001}, {"B", 1, 0, 0, 0}, {"C", 0, 1, 0, 0}};
+  origin.measured = {{1, 2, 123'456, {{"a", 10, 20, 0.1, 0.01, 0.2}, {"b", 30, 40, 0.1, 0, 0.2}}}};
+  origin.still_s = 0.7;
+  origin.cameras_below = true;
+  CalibrationFrame& frame = calibration.result->frame.emplace();
+  frame.source = FrameSource::kPoints;
+  frame.calibration_id = "c-000000";
+  frame.residuals = {{"A", 0.001, 0.0005}};
+  frame.residual_count = 3;
+  frame.cameras = {"a"};
+  calibration.result->scale =
+      CalibrationScale{"c-000000", 1.01, 0.002, {{"the target", 0, 1, 2, 3}}};
+  CalibrationInformation& information = calibration.result->information.emplace();
+  information.groups = {{InformationGroup::Kind::kSpan, "s-1", 1, 2, "", 30}};
+  information.parameters = {{"a", ParameterInformation::Kind::kRotation, "x", 0.1, {0.25F}}};
+  information.calibration_id = "c-000000";
+  information.stride = 3;
+  const std::string bytes = SerializeCalibration(calibration);
+  ASSERT_OK_AND_ASSIGN(const Calibration back, ParseCalibration(bytes));
+  EXPECT_EQ(SerializeCalibration(back), bytes);
+  EXPECT_EQ(back.options, calibration.options);
+  EXPECT_EQ(back.result->frame->residuals[0].name, "A");
+  EXPECT_EQ(back.result->scale->sources[0].from_others_sigmas, 3);
+  EXPECT_EQ(back.result->information->parameters[0].share[0], 0.25F);
+  EXPECT_EQ(back.result->information->groups[0].instant_count, 30u);
+
+  calibration.options.kind = SolveKind::kScale;
+  calibration.options.origin.reset();
+  ScaleRequest& scale = calibration.options.scale.emplace();
+  scale.distances = {{"a", "b", 4, 0.002}};
+  scale.lengths = {{0, 2, 1.5, 0.001, "the bar"}};
+  scale.leave_out = {"the target"};
+  ASSERT_OK_AND_ASSIGN(const Calibration scaled,
+                       ParseCalibration(SerializeCalibration(calibration)));
+  EXPECT_EQ(scaled.options, calibration.options);
+}
+
+TEST(CalibrationWire, RefusesFramesAndScalesThatAreNone) {
+  const auto fault = [](const std::function<void(CalibrationOptions*)>& change) {
+    CalibrationOptions options;
+    options.kind = SolveKind::kOrigin;
+    options.parent_id = "c-000001";
+    options.origin.emplace();
+    options.origin->source = FrameSource::kDown;
+    options.origin->down = {0, 1, 0};
+    EXPECT_THAT(options.Validate(), IsOk());
+    change(&options);
+    return FromProto(ToProto(options)).status();
+  };
+  const auto is = [](const std::string& text) {
+    return StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(text));
+  };
+  EXPECT_THAT(fault([](auto* o) { o->origin.reset(); }), is("origin is not set"));
+  EXPECT_THAT(fault([](auto* o) { o->parent_id.clear(); }),
+              is("a new origin needs the calibration"));
+  EXPECT_THAT(fault([](auto* o) { o->origin->down = {0, 0, 0}; }), is("down is no direction"));
+  EXPECT_THAT(fault([](auto* o) { o->frame = FrameChoice::kKeep; }),
+              is("frame is for a full solve"));
+  EXPECT_THAT(fault([](auto* o) { o->origin->source = FrameSource::kPoints; }),
+              is("points is empty"));
+  EXPECT_THAT(fault([](auto* o) { o->origin->source = FrameSource::kKept; }),
+              is("source is none of"));
+  EXPECT_THAT(fault([](auto* o) {
+                o->origin->measured.push_back({0, 0, 0, {{"a"}}});
+              }),
+              is("measured[0] has 1 views"));
+  EXPECT_THAT(fault([](auto* o) {
+                o->origin->source = FrameSource::kTransform;
+                o->origin->rotation_wxyz = {1, 1, 0, 0};
+              }),
+              is("the length 1.41421"));
+  EXPECT_THAT(fault([](auto* o) {
+                o->kind = SolveKind::kScale;
+                o->origin.reset();
+                o->scale.emplace();
+              }),
+              is("there is no length"));
+  EXPECT_THAT(fault([](auto* o) {
+                o->kind = SolveKind::kScale;
+                o->origin.reset();
+                o->scale.emplace().distances.push_back({"a", "a", 1, 2});
+              }),
+              is("names camera a twice; one sigma of a distance of 1 m is 2 m"));
 }
 
 TEST(CalibrationWire, CovarianceIsForTheStoreAlone) {

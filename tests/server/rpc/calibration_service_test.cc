@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/wire/grpc_status.h"
+#include "server/session/rig_book.h"
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/status_matchers.h"
 
@@ -126,6 +127,109 @@ TEST_F(CalibrationService, RefusesWhatCannotBeCalibrated) {
   EXPECT_THAT(Create(request),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("intrinsics")));
   EXPECT_THAT(Get("nobody"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+}
+
+// With one camera and a frame of its own.
+CalibrationResult ResultInAFrame() {
+  CalibrationResult result;
+  result.cameras.resize(1);
+  result.cameras[0].camera = "left";
+  result.cameras[0].image_size_px = MakeCamera("left").image_size_px;
+  result.cameras[0].intrinsics = *MakeCamera("left").intrinsics;
+  result.cameras[0].clock_id = "left";
+  result.frame.emplace().source = FrameSource::kFloor;
+  result.information.emplace();
+  result.information->parameters = {
+      {"left", ParameterInformation::Kind::kPosition, "x", 0.001, {}}};
+  return result;
+}
+
+v1::CreateCalibrationRequest OriginRequestOf(const std::string& parent) {
+  v1::CreateCalibrationRequest request;
+  request.mutable_options()->set_kind(v1::CalibrationOptions::KIND_ORIGIN);
+  request.mutable_options()->set_parent_id(parent);
+  request.mutable_options()->mutable_origin()->set_source(v1::FRAME_SOURCE_DOWN);
+  request.mutable_options()->mutable_origin()->mutable_down()->set_y(1);
+  return request;
+}
+
+TEST_F(CalibrationService, ANewOriginNeedsAParentAndNoSession) {
+  solver_.SetOutcome(ResultInAFrame());
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration parent, client().Calibrate("wave"));
+  v1::CreateCalibrationRequest request = OriginRequestOf(parent.id());
+  request.set_reason("level");
+  v1::MarkerViews* const seen = request.mutable_options()->mutable_origin()->add_measured();
+  for (const char* camera : {"left", "right"}) {
+    v1::MarkerView* const view = seen->add_views();
+    view->set_camera(camera);
+    view->set_cov_xx_px2(1);
+    view->set_cov_yy_px2(1);
+  }
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration created, Create(request));
+  runner().WaitIdle();
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration made, Get(created.id()));
+  EXPECT_EQ(made.state(), v1::Calibration::STATE_SUCCEEDED) << made.error();
+  EXPECT_EQ(made.session_ids_size(), 0);
+  EXPECT_EQ(made.rig(), parent.rig());
+  EXPECT_EQ(made.version(), parent.version() + 1);
+  EXPECT_EQ(made.reason(), "level");
+  EXPECT_THAT(made.held(), ElementsAre("everything but the frame"));
+  EXPECT_EQ(made.options().origin().measured_size(), 0);
+
+  EXPECT_THAT(Create(OriginRequestOf("c-000099")),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("c-000099")));
+  seen->mutable_views()->RemoveLast();
+  EXPECT_THAT(Create(request), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("1 views")));
+  request = OriginRequestOf(parent.id());
+  request.add_session_ids("wave");
+  EXPECT_THAT(Create(request), StatusIs(absl::StatusCode::kFailedPrecondition,
+                                        HasSubstr("the session has 1 of the cameras")));
+  request.add_session_ids("other");
+  EXPECT_THAT(Create(request), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("of one")));
+}
+
+TEST_F(CalibrationService, AFullSolveKeepsTheFrameOfTheActiveOne) {
+  v1::CreateCalibrationRequest keep;
+  keep.add_session_ids("wave");
+  keep.mutable_options()->set_frame(v1::CalibrationOptions::FRAME_KEEP);
+  EXPECT_THAT(Create(keep),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("no frame of rig")));
+  solver_.SetOutcome(ResultInAFrame());
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration first, client().Calibrate("wave"));
+  EXPECT_EQ(first.options().frame(), v1::CalibrationOptions::FRAME_UNSPECIFIED);
+  server::RigBook rigs(store_.get());
+  ASSERT_THAT(rigs.Activate(first.id(), {.force = true}), IsOk());
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration second, client().Calibrate("wave"));
+  EXPECT_EQ(second.options().frame(), v1::CalibrationOptions::FRAME_KEEP_IF_POSSIBLE);
+  EXPECT_EQ(second.options().parent_id(), first.id());
+  keep.mutable_options()->set_frame(v1::CalibrationOptions::FRAME_OWN);
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration own, Create(keep));
+  EXPECT_EQ(own.options().parent_id(), "");
+  runner().WaitIdle();
+}
+
+TEST_F(CalibrationService, ExplainsWhatHoldsACalibration) {
+  const auto explain =
+      [&](const std::string& id) -> absl::StatusOr<v1::ExplainCalibrationResponse> {
+    grpc::ClientContext context;
+    SetDeadline(&context);
+    v1::ExplainCalibrationRequest request;
+    request.set_id(id);
+    v1::ExplainCalibrationResponse response;
+    const absl::Status status =
+        wire::FromGrpc(stub_->ExplainCalibration(&context, request, &response));
+    if (!status.ok()) return status;
+    return response;
+  };
+  EXPECT_THAT(explain("nobody"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration without, client().Calibrate("wave"));
+  EXPECT_THAT(explain(without.id()),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("keeps no figures")));
+  solver_.SetOutcome(ResultInAFrame());
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration with, client().Calibrate("wave"));
+  ASSERT_OK_AND_ASSIGN(const v1::ExplainCalibrationResponse explained, explain(with.id()));
+  EXPECT_EQ(explained.id(), with.id());
+  EXPECT_EQ(explained.information().parameters(0).name(), "x");
 }
 
 TEST_F(CalibrationService, SessionsThatDifferAreBothNamed) {

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -101,6 +102,33 @@ TEST(Derivation, ARefinementIsAsGoodAsASolveOfBothParts) {
                   .norm(),
               2 * both_m);
   }
+}
+
+// Lenses that the parent has refined go on with its covariance: as good as a solve of both parts,
+// where kept ones would hold what the first part got wrong.
+TEST(Derivation, ARefinementGoesOnWithRefinedLenses) {
+  const SimulatedWorld world = World();
+  CalibrationOptions with_lenses;
+  with_lenses.intrinsics = Estimate::kRefined;
+  with_lenses.fixed_intrinsics = {"sim_1"};
+  const CalibrationResult parent = Solve(Part(world, 0, 20), with_lenses);
+  const CalibrationResult both = Solve(Part(world, 0, 40), with_lenses);
+  CalibrationInput input = Part(world, 20, 40);
+  input.parent = parent;
+  const CalibrationResult refined = Solve(input, DerivedOptions(SolveKind::kRefine));
+  for (size_t c = 0; c < refined.cameras.size(); ++c) {
+    const CalibratedCamera &camera = refined.cameras[c], &before = parent.cameras[c];
+    EXPECT_EQ(camera.intrinsics_refined, camera.camera != "sim_1");
+    if (!camera.intrinsics_refined) {
+      EXPECT_EQ(camera.intrinsics, before.intrinsics);
+      continue;
+    }
+    const double sigma_px = camera.uncertainty->intrinsics_sigma[0];
+    EXPECT_LT(sigma_px, 0.95 * before.uncertainty->intrinsics_sigma[0]);
+    EXPECT_NEAR(sigma_px / both.cameras[c].uncertainty->intrinsics_sigma[0], 1, 0.35);
+    EXPECT_LT(std::abs(camera.intrinsics.fx_px - both.cameras[c].intrinsics.fx_px), 2 * sigma_px);
+  }
+  EXPECT_EQ(refined.camera_covariance.size(), both.camera_covariance.size());
 }
 
 TEST(Derivation, KeptIntrinsicsStayWhileOthersAreRefined) {

@@ -134,7 +134,7 @@ TEST(ParseSourceSpec, TakesEveryPartOfFramesInFiles) {
                       "calibration=none;hue_min=340;hue_max=40;saturation_min=0.2;value_min=70;"
                       "washed_out_min=256;min_area=4;max_area=900;max_blobs=64;min_distance=1;"
                       "max_distance=9;max_tilt=70;min_confidence=0.6;tracking=0;mask=m.png;"
-                      "learn_mask=2"));
+                      "learn_mask=2;background=5"));
   const auto& frames = dynamic_cast<const FrameSourceSpec&>(*spec);
   const auto& images = OptionsOf<RecordedFramesOptions>(*spec);
   EXPECT_EQ(spec->camera(), "l");
@@ -156,6 +156,7 @@ TEST(ParseSourceSpec, TakesEveryPartOfFramesInFiles) {
   EXPECT_FALSE(detector.tracking);
   EXPECT_EQ(frames.detecting.mask_path, "m.png");
   EXPECT_EQ(frames.detecting.learn_mask_s, 2);
+  EXPECT_EQ(frames.detecting.background_s, 5);
 }
 
 TEST(ParseSourceSpec, FillsInWhatFilesOfFramesLeaveOut) {

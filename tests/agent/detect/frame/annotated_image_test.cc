@@ -70,6 +70,22 @@ TEST(Annotate, DrawsVisibleMarkersAndLeavesTheOriginalAlone) {
   EXPECT_EQ(cv::countNonZero(black.reshape(1)), 0);
 }
 
+TEST(Annotate, SaysWhatMakesTheWandHardToFind) {
+  const cv::Mat black = cv::Mat::zeros(480, 640, CV_8UC3);
+  const cv::Rect second_line(0, 19, 640, 15);
+  Detection detection = TwoOfThree();
+  const cv::Mat without = Annotate(ViewOf(black), detection);
+  detection.passed_share = 0.38;
+  detection.white_share = 0.3;
+  const cv::Mat bright = Annotate(ViewOf(black), detection);
+  EXPECT_GT(CountDifferent(bright, without, second_line), 100);
+  detection.passed_share = 0;
+  detection.background_share = 0.1;
+  const cv::Mat still = Annotate(ViewOf(black), detection);
+  EXPECT_GT(CountDifferent(still, without, second_line), 50);
+  EXPECT_GT(CountDifferent(still, bright, second_line), 50);
+}
+
 TEST(Annotate, DrawsWindowAndBlobs) {
   const cv::Mat black = cv::Mat::zeros(480, 640, CV_8UC3);
   Detection nothing;

@@ -208,5 +208,24 @@ TEST_F(SphereImagerTest, StaysWithinTheFrameAtItsBorders) {
   }
 }
 
+// What blur spreads beyond the rim is light from the sphere, none of which is brighter than the
+// place that faces the lamp.
+TEST(SphereImager, BlurredLightIsNowhereBrighterThanTheSphere) {
+  const Intrinsics intrinsics = BrownConrady();
+  auto imager = SphereImager::Create(intrinsics, kSize);
+  ASSERT_TRUE(imager.ok());
+  SphereMotion sphere;
+  sphere.centre_m = At(intrinsics, 640, 500, 5);
+  SphereImageOptions options{.radius_m = kRadiusM};
+  options.spot_direction = {0, -1, 0};
+  SphereImage image;
+  const ExposurePart all{0, 1, 1};
+  ASSERT_TRUE(imager->Draw(sphere, {&all, 1}, EdgeProfile(1.5, 0), options, &image));
+  for (size_t i = 0; i < image.spot.size(); ++i) {
+    if (image.cover[i] <= 1e-3f) continue;
+    EXPECT_LE(image.spot[i], image.cover[i] * 1.001f);
+  }
+}
+
 }  // namespace
 }  // namespace rigcal::sphere_image_test

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/outline_sectors.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace rigcal::agent {
+namespace {
+
+constexpr double kFittedShare = 11.0 / 16;  // place, radius and shape take five sectors of sixteen
+constexpr double kLeastNoise = 0.3;
+constexpr double kPriorSectors = 8;
+constexpr double kMostUsual = 5;  // of the usual variance, that a sector counts with
+constexpr double kTooFar = 4;
+// What disturbs a sector disturbs its neighbours too; so much more it moves the place.
+constexpr double kShared = 2.5;
+constexpr double kSaturatedPx = 0.5;  // of an edge before a saturated background
+constexpr double kLeastOfSector = 0.2;
+
+double MeanInformation(const SphereOutline& outline) {
+  double sum = 0;
+  for (const double one : outline.sector_information) sum += one;
+  return sum / kOutlineSectors;
+}
+
+// Squared distances of the edge and its variances by noise.
+struct SectorErrors {
+  std::vector<double> squared, variance;
+};
+
+void AddErrors(const SphereOutline& outline, SectorErrors* errors) {
+  const double least = kLeastOfSector * MeanInformation(outline);
+  for (size_t s = 0; s < kOutlineSectors; ++s) {
+    const double information = outline.sector_information[s];
+    if (!(information > least)) continue;
+    const double away = outline.sector_score[s] / information;
+    errors->squared.push_back(away * away / kFittedShare);
+    errors->variance.push_back(1 / information);
+  }
+}
+
+// What the squares have in the mean beyond `noise` of the variances; few large ones count less.
+double Excess(const SectorErrors& errors, double noise) {
+  if (errors.squared.empty()) return 0;
+  std::vector<double> sorted = errors.squared;
+  std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+  const double most = kMostUsual * sorted[sorted.size() / 2] / 0.455;
+  double sum = 0;
+  for (size_t i = 0; i < errors.squared.size(); ++i) {
+    sum += std::min(errors.squared[i], most) - noise * errors.variance[i];
+  }
+  return sum / static_cast<double>(errors.squared.size());
+}
+
+}  // namespace
+
+std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> outlines) {
+  SectorErrors all;
+  for (const SphereOutline* outline : outlines) {
+    if (outline != nullptr) AddErrors(*outline, &all);
+  }
+  double ratio = 0;
+  for (size_t i = 0; i < all.squared.size(); ++i) ratio += all.squared[i] / all.variance[i];
+  if (!all.squared.empty()) ratio /= static_cast<double>(all.squared.size());
+  EdgeScatter usual;
+  usual.noise = std::clamp(ratio, kLeastNoise, 1.0);
+  usual.extra_px2 = Excess(all, usual.noise);
+  std::vector<EdgeScatter> scatters;
+  for (const SphereOutline* outline : outlines) {
+    EdgeScatter& own = scatters.emplace_back(usual);
+    if (outline == nullptr) continue;
+    SectorErrors errors;
+    AddErrors(*outline, &errors);
+    const auto count = static_cast<double>(errors.squared.size());
+    own.extra_px2 = std::max(0.0, (kPriorSectors * std::max(0.0, usual.extra_px2) +
+                                   count * Excess(errors, usual.noise)) /
+                                      (kPriorSectors + count));
+  }
+  return scatters;
+}
+
+SectorVariances ExtraVariances(const OutlinePixels& pixels, const SphereOutline& outline,
+                               const EdgeScatter& scatter) {
+  SectorVariances extra;
+  extra.fill(kShared * scatter.extra_px2);
+  std::array<double, kOutlineSectors> saturated{}, count{};
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const size_t s = OutlineSector(static_cast<double>(pixels.x[i]) - outline.centre_px.x(),
+                                   static_cast<double>(pixels.y[i]) - outline.centre_px.y());
+    saturated[s] += pixels.saturated_behind[i];
+    count[s] += 1;
+  }
+  for (size_t s = 0; s < kOutlineSectors; ++s) {
+    const double information = outline.sector_information[s];
+    if (information > 0) {
+      const double away = outline.sector_score[s] / information;
+      const double squared = away * away / kFittedShare;
+      if (squared > kTooFar * scatter.Of(information)) extra[s] = std::max(extra[s], squared);
+    }
+    if (saturated[s] > 0) {
+      const double px = kSaturatedPx * saturated[s] / count[s];
+      extra[s] = std::max(extra[s], px * px);
+    }
+  }
+  return extra;
+}
+
+void Discount(const OutlinePixels& pixels, const SphereOutline& outline,
+              const SectorVariances& extra_px2, double noise, OutlinePixels* discounted) {
+  *discounted = pixels;
+  std::array<float, kOutlineSectors> factor;
+  for (size_t s = 0; s < kOutlineSectors; ++s) {
+    factor[s] =
+        static_cast<float>(1 / std::sqrt(1 + outline.sector_information[s] * extra_px2[s] / noise));
+  }
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    discounted->precision[i] *=
+        factor[OutlineSector(static_cast<double>(pixels.x[i]) - outline.centre_px.x(),
+                             static_cast<double>(pixels.y[i]) - outline.centre_px.y())];
+  }
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/outlined_centres.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <random>
+
+#include "agent/identify/outline_sectors.h"
+
+namespace rigcal::agent::outlined_centres_test {
+namespace {
+
+constexpr double kNoise = 0.02, kRadius = 8;
+
+// A disc of which what is left of `from_x` is hidden.
+OutlinePixels Disc(const Eigen::Vector2d& centre, double from_x, uint32_t seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, kNoise);
+  OutlinePixels pixels;
+  const auto middle_x = static_cast<int>(centre.x()), middle_y = static_cast<int>(centre.y());
+  for (int y = middle_y - 12; y <= middle_y + 12; ++y) {
+    for (int x = middle_x - 12; x <= middle_x + 12; ++x) {
+      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - centre;
+      const double cover = 0.5 * std::erfc((d.norm() - kRadius) / (0.7 * std::sqrt(2.0)));
+      const double seen = 0.5 * std::erfc((from_x - d.x()) / (0.7 * std::sqrt(2.0)));
+      pixels.Add(static_cast<float>(x), static_cast<float>(y),
+                 static_cast<float>(cover * seen + noise(random)), static_cast<float>(1 / kNoise));
+    }
+  }
+  pixels.FillUp();
+  return pixels;
+}
+
+// A wand of three equal spheres, all of them whole by their centroids.
+class ThreeSpheres {
+ public:
+  // `hidden_from_px`: of the last one.
+  explicit ThreeSpheres(double hidden_from_px) {
+    wand_.diameter_m = 2 * kRadius / 400;
+    for (size_t k = 0; k < 3; ++k) {
+      const Eigen::Vector2d centre(40.0 + 60 * static_cast<double>(k), 50.3);
+      pixels_[k] = Disc(centre, k == 2 ? hidden_from_px : -100, static_cast<uint32_t>(k + 1));
+      outlines_[k].centre_px = centre;
+      outlines_[k].radius_px = kRadius;
+      MarkerCentre measured;
+      measured.centre_px = centre;
+      measured.radius_px = kRadius;
+      measured.second_moment_px2 = 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity();
+      fitted_ = fitted_ && fitter_.Fit(pixels_[k], measured.second_moment_px2, {}, &outlines_[k]);
+      wand_.centres.push_back(measured);
+      wand_.whole.push_back(true);
+      wand_.outlined.push_back(false);
+      wand_.blobs.push_back(static_cast<int>(k));
+      wand_.px_per_m.push_back(400);
+    }
+  }
+
+  void SetCentres() {
+    OutlinedMarkers markers;
+    for (size_t k = 0; k < 3; ++k) markers.push_back({&outlines_[k], &pixels_[k]});
+    SetOutlinedCentres(markers, &fitter_, &wand_);
+  }
+
+  bool fitted_ = true;
+  std::array<OutlinePixels, 3> pixels_;
+  std::array<SphereOutline, 3> outlines_;
+  SphereOutlineFitter fitter_;
+  VerifiedWand wand_;
+};
+
+TEST(SetOutlinedCentres, ASphereThatIsPartlyHiddenIsNotWhole) {
+  ThreeSpheres hidden(-4.8);
+  ASSERT_TRUE(hidden.fitted_);
+  hidden.SetCentres();
+  EXPECT_EQ(hidden.wand_.whole, (absl::InlinedVector<bool, 3>{true, true, false}));
+  ThreeSpheres seen(-100);
+  ASSERT_TRUE(seen.fitted_);
+  seen.SetCentres();
+  EXPECT_EQ(seen.wand_.OccludedCount(), 0);
+}
+
+TEST(SetOutlinedCentres, WhatIsBesideASphereWidensItsCovariance) {
+  ThreeSpheres alone(-100), beside(-100);
+  ASSERT_TRUE(alone.fitted_);
+  // Its background is not the same everywhere.
+  for (MarkerCentre& centre : beside.wand_.centres) centre.background_steps = 0.2;
+  alone.SetCentres();
+  beside.SetCentres();
+  EXPECT_GT(beside.wand_.centres[0].covariance_px2.trace(),
+            4 * alone.wand_.centres[0].covariance_px2.trace());
+}
+
+TEST(OutlineSectors, OneThatIsFarAwayAndOneBeforeASaturatedBackgroundCountLess) {
+  SphereOutline outline{.radius_px = kRadius};
+  outline.sector_information.fill(400);  // 0.05 px each
+  for (size_t s = 0; s < kOutlineSectors; ++s) outline.sector_score[s] = s % 2 == 0 ? 14 : -14;
+  outline.sector_score[3] = 0.6 * 400;
+  OutlinePixels pixels = Disc({0, 0}, -100, 1);
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    pixels.saturated_behind[i] =
+        OutlineSector(static_cast<double>(pixels.x[i]), static_cast<double>(pixels.y[i])) == 8;
+  }
+  const EdgeScatter scatter = ScatterOfEdges({&outline})[0];
+  const SectorVariances extra = ExtraVariances(pixels, outline, scatter);
+  EXPECT_GT(extra[3], 0.3);
+  EXPECT_GT(extra[8], 0.2);
+  EXPECT_LT(extra[5], 0.05);
+  OutlinePixels discounted;
+  Discount(pixels, outline, extra, scatter.noise, &discounted);
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const size_t s =
+        OutlineSector(static_cast<double>(pixels.x[i]), static_cast<double>(pixels.y[i]));
+    if (s == 3 || s == 8) {
+      EXPECT_LE(discounted.precision[i], 0.15f * pixels.precision[i]);
+    } else if (s == 5) {
+      EXPECT_GE(discounted.precision[i], 0.2f * pixels.precision[i]);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace rigcal::agent::outlined_centres_test

@@ -18,8 +18,8 @@ std::string TriangulationCsv(const Triangulation& triangulation,
 std::string TriangulationCsvHeader();
 std::string TriangulationCsvLine(const TriangulatedPoint& point, const std::string& label);
 
-// The same as an Apache Parquet file, but for `time_ns`, an integer, in place of `time_s`: doubles as
-// they are, not rounded. `calibration` is noted in the file's metadata.
+// The same as an Apache Parquet file, but for `time_ns`, an integer, in place of `time_s`: doubles
+// as they are, not rounded. `calibration` is noted in the file's metadata.
 std::string TriangulationParquet(const Triangulation& triangulation,
                                  const std::vector<std::string>& labels,
                                  const std::string& calibration);

@@ -35,8 +35,8 @@ struct RowStreamOptions {
 // is bounded. For one thread at a time.
 class RowStream {
  public:
-  // INVALID_ARGUMENT: options; a camera that the calibration does not have. FAILED_PRECONDITION: the
-  // scale of the calibration is not known.
+  // INVALID_ARGUMENT: options; a camera that the calibration does not have. FAILED_PRECONDITION:
+  // the scale of the calibration is not known.
   static absl::StatusOr<RowStream> Create(CalibrationResult calibration, RowStreamOptions options);
 
   // Rows of one camera, ascending in time. Rows that are not after the last one, or whose time has

@@ -15,9 +15,9 @@ namespace rigcal::server {
 
 // Every kind of alert; docs/live.md explains them.
 inline constexpr std::array<std::string_view, 18> kAlertKinds = {
-    "agent_lost", "backlog_growing", "camera_moved",       "clock_changed", "clock_jumped",
-    "clock_off",  "disk_low",        "dropping",           "estimate_failed", "implausible_labels",
-    "lens_wrong", "no_data",         "no_wand",            "not_storing",   "rate_low",
+    "agent_lost", "backlog_growing", "camera_moved", "clock_changed",   "clock_jumped",
+    "clock_off",  "disk_low",        "dropping",     "estimate_failed", "implausible_labels",
+    "lens_wrong", "no_data",         "no_wand",      "not_storing",     "rate_low",
     "refused",    "repair",          "two_wands"};
 
 // What is known of a camera that takes part in a session that captures.

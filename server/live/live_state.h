@@ -203,11 +203,11 @@ enum class MonitorRepairState : uint8_t { kNone = 1, kSolving = 2, kActive = 3, 
 
 struct LiveMonitor {
   MonitorMode mode = MonitorMode::kOff;
-  std::string calibration_id;               // the active one; empty: there is none
-  std::string session_id;                   // of the last look
-  int64_t time_utc_ns = 0;                  // of that; 0: there was none yet
-  std::string problem;                      // why the last look could not tell; empty: it could
-  bool all_moved = false;                   // which cameras kept their places cannot be told
+  std::string calibration_id;                // the active one; empty: there is none
+  std::string session_id;                    // of the last look
+  int64_t time_utc_ns = 0;                   // of that; 0: there was none yet
+  std::string problem;                       // why the last look could not tell; empty: it could
+  bool all_moved = false;                    // which cameras kept their places cannot be told
   std::vector<LiveMonitoredCamera> cameras;  // of the calibration, by name
   MonitorRepairState repair = MonitorRepairState::kNone;  // the last one
   std::string repair_id;                                  // its calibration

@@ -31,7 +31,7 @@ struct RigMonitorOptions {
   std::chrono::milliseconds poll_interval{500};
   double first_look_s = 8;  // after the start of a session
   double look_interval_s = 10;
-  double window_s = 20;      // of a look while the session captures
+  double window_s = 20;       // of a look while the session captures
   double least_repair_s = 5;  // recorded after a move, for a repair
   size_t max_observations = 10'000'000;
   std::function<int64_t()> utc_now_ns = {};  // unset: the system's clock

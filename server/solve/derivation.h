@@ -15,8 +15,8 @@
 
 namespace rigcal::server {
 
-// What a look at a rig solves, to be compared with its calibration (CompareRigs): a what-if with the
-// lenses of the calibration. An error of a lens moves both alike.
+// What a look at a rig solves, to be compared with its calibration (CompareRigs): a what-if with
+// the lenses of the calibration. An error of a lens moves both alike.
 CalibrationOptions LookOptions(const CalibrationResult& active);
 
 // Changes the input of a solve as its options ask: leaves out cameras, sessions and times, takes
@@ -26,12 +26,13 @@ CalibrationOptions LookOptions(const CalibrationResult& active);
 // another image size; the wand of another number of markers; the parent is missing.
 absl::Status ApplyDerivation(const CalibrationOptions& options, CalibrationInput* input);
 
-// Of a repair or refinement: the camera whose frame the solve is in: the parent's reference camera, or else the
-// first one that is not repaired. Else that of the options.
+// Of a repair or refinement: the camera whose frame the solve is in: the parent's reference camera,
+// or else the first one that is not repaired. Else that of the options.
 std::string ReferenceOf(const CalibrationOptions& options, const CalibrationInput& input);
 
-// Whether all cameras, but those of a repair, are where the parent has them; `now` is a solve of the
-// same observations that holds none. FAILED_PRECONDITION: names those that are not, and by how much.
+// Whether all cameras, but those of a repair, are where the parent has them; `now` is a solve of
+// the same observations that holds none. FAILED_PRECONDITION: names those that are not, and by how
+// much.
 absl::Status CheckOthersStayed(const CalibrationOptions& options, const CalibrationResult& parent,
                                const CalibrationResult& now);
 

@@ -351,7 +351,8 @@ TEST_F(RigLife, TheServersMonitorNamesAndRepairs) {
   };
   const auto cameras_with = [&](const char* verdict) {
     std::vector<std::string> names;
-    for (const json& camera : live().second["cameras"]) {
+    const json monitor = live().second;
+    for (const json& camera : monitor["cameras"]) {
       if (camera["verdict"] == verdict) names.push_back(camera["camera"]);
     }
     return names;

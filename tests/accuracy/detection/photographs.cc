@@ -14,7 +14,8 @@
 namespace rigcal::accuracy {
 namespace {
 
-constexpr const char* kFolders[] = {"/usr/share/backgrounds",
+// Of mate-backgrounds and opencv-doc alone: figures must not depend on what else is installed.
+constexpr const char* kFolders[] = {"/usr/share/backgrounds/mate",
                                     "/usr/share/doc/opencv-doc/examples/data"};
 constexpr uint64_t kPhotographPurpose = 0x70686f746f;
 constexpr int kLeastWidth = 512, kLeastHeight = 384;

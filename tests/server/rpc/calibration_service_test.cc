@@ -198,7 +198,8 @@ TEST_F(CalibrationService, AFullSolveKeepsTheFrameOfTheActiveOne) {
   ASSERT_OK_AND_ASSIGN(const v1::Calibration first, client().Calibrate("wave"));
   EXPECT_EQ(first.options().frame(), v1::CalibrationOptions::FRAME_UNSPECIFIED);
   server::RigBook rigs(store_.get());
-  ASSERT_THAT(rigs.Activate(first.id(), {.force = true}), IsOk());
+  ASSERT_THAT(rigs.Activate(first.id(), {.operator_name = "", .reason = "", .force = true}),
+              IsOk());
   ASSERT_OK_AND_ASSIGN(const v1::Calibration second, client().Calibrate("wave"));
   EXPECT_EQ(second.options().frame(), v1::CalibrationOptions::FRAME_KEEP_IF_POSSIBLE);
   EXPECT_EQ(second.options().parent_id(), first.id());
@@ -245,10 +246,9 @@ TEST_F(CalibrationService, SessionsThatDifferAreBothNamed) {
   v1::CreateCalibrationRequest request;
   request.add_session_ids("wave");
   request.add_session_ids("smaller");
-  EXPECT_THAT(Create(request),
-              StatusIs(absl::StatusCode::kFailedPrecondition,
-                       AllOf(HasSubstr("'wave'"), HasSubstr("'smaller'"), HasSubstr("'left'"),
-                             HasSubstr("image size"))));
+  EXPECT_THAT(Create(request), StatusIs(absl::StatusCode::kFailedPrecondition,
+                                        AllOf(HasSubstr("'wave'"), HasSubstr("'smaller'"),
+                                              HasSubstr("'left'"), HasSubstr("image size"))));
 }
 
 TEST_F(CalibrationService, ListsPagesWithoutCamerasAndRefusals) {

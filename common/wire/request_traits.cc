@@ -16,8 +16,9 @@ namespace {
 // Served by callbacks.
 constexpr std::string_view kServedByCallbacks[] = {
     "rigcal.v1.CompactRequest",          "rigcal.v1.ConnectRequest",
-    "rigcal.v1.ReadObservationsRequest", "rigcal.v1.UploadBatchRequest",
-    "rigcal.v1.WatchCalibrationRequest", "rigcal.v1.WatchSessionRequest"};
+    "rigcal.v1.ReadObservationsRequest", "rigcal.v1.TriangulateRequest",
+    "rigcal.v1.UploadBatchRequest",      "rigcal.v1.WatchCalibrationRequest",
+    "rigcal.v1.WatchSessionRequest"};
 // The last number that a field can have; no message uses it.
 constexpr int kFaultField = 536'870'911;
 

@@ -60,6 +60,8 @@ class TriangulationService : public rigcal::testing::RpcFixture {
  protected:
   void SetUp() override {
     RpcFixture::SetUp();
+    // A channel in the process holds every message until it is read; TCP has buffers, as in use.
+    RestartServerOnPort();
     SimulationOptions simulation;
     simulation.camera_count = 3;
     simulation.duration_s = 4;
@@ -165,6 +167,8 @@ TEST_F(TriangulationService, HoldsUpAClientThatDoesNotRead) {
   grpc::ClientContext context;
   const auto call = stub_->Triangulate(&context);
   ASSERT_TRUE(call->Write(StartOf(id_)));
+  v1::TriangulateResponse started;
+  ASSERT_TRUE(call->Read(&started));
   std::atomic<int> sent = 0;
   std::thread writer([&] {
     // The same seconds again and again, each time later: tens of thousands of points.

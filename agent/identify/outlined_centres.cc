@@ -25,7 +25,7 @@ constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundPx = 0.3;  // of the edge, per step of the background over the contrast
 constexpr double kNeighbourPx = 0.1;   // of the edge, where something else is near
-constexpr double kHiddenPx = 0.1, kHiddenRatio = 3;
+constexpr double kHiddenPx = 0.1, kHiddenRatio = 6, kSuspectRatio = 3;
 constexpr double kShortPx = 0.2;  // against what diameter and distance say
 constexpr double kMostSaturatedBehind = 0.1;
 constexpr double kOddPx = 0.04, kOddError = 1;         // of the place, per error of the radius
@@ -150,14 +150,21 @@ double EdgeRatio(const FittedOutlines& outlines, size_t marker) {
   return own.edge_chi_squared / std::max(1.0, own.edge_freedom) / others;
 }
 
+// How much smaller an outline is than expected, of one whose edge is less on it than the others'.
+double MissingRadius(const FittedOutlines& outlines, size_t marker,
+                     const OutlineExpectation& expected, double least_ratio) {
+  const double missing_px = expected.radius_px - outlines[marker]->radius_px;
+  return expected.radius_px > 0 &&
+                 missing_px > std::max(kHiddenPx, 1.5 * expected.radius_sigma_px) &&
+                 EdgeRatio(outlines, marker) > least_ratio
+             ? missing_px
+             : 0;
+}
+
 bool IsPartlyHidden(const VerifiedWand& wand, const FittedOutlines& outlines, size_t marker,
                     const OutlineExpectation& expected, const OutlinePixels& pixels) {
   const SphereOutline& own = *outlines[marker];
-  if (expected.radius_px > 0 &&
-      expected.radius_px - own.radius_px > std::max(kHiddenPx, 1.5 * expected.radius_sigma_px) &&
-      EdgeRatio(outlines, marker) > kHiddenRatio) {
-    return true;
-  }
+  if (MissingRadius(outlines, marker, expected, kHiddenRatio) > 0) return true;
   // More than one may be.
   if (!(wand.diameter_m > 0) || wand.px_per_m.size() != outlines.size()) return false;
   // Before a saturated background any sphere looks smaller.
@@ -217,6 +224,8 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
         wand->whole[k] = false;
         continue;
       }
+      // Not enough to leave it out.
+      const double missing_px = MissingRadius(outlines, k, expected, kSuspectRatio);
       OutlineExpectation scaled = expected;
       for (double* sigma :
            {&scaled.radius_sigma_px, &scaled.edge_sigma_px2, &scaled.stretch_sigma}) {
@@ -237,6 +246,7 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
       wrong_px = std::hypot(
           kOddError * std::max(0.0, std::abs(odd_px) - kOddPx - expected.radius_sigma_px),
           kSofterError * std::max(0.0, softer_px - kSofterPx));
+      wrong_px = std::max(wrong_px, missing_px);
       outlines[k] = outline;
       centre.centre_px = outline.centre_px;
       // Of the sectors' mean, by what the background behind them may be.

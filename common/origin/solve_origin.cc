@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/origin/still_points.h"
 #include "common/status/status_macros.h"
+#include "common/triangulate/camera_agreement.h"
 #include "common/triangulate/located_markers.h"
 
 namespace rigcal {
@@ -113,6 +114,7 @@ absl::StatusOr<std::vector<MarkerViews>> MeasureForOrigin(const CalibrationResul
   std::vector<MarkerViews> measured;
   if (request.source == FrameSource::kPath) {
     RIGCAL_ASSIGN_OR_RETURN(const Triangulation path, TriangulateRows(calibration, rows, options));
+    RIGCAL_RETURN_IF_ERROR(CheckCamerasAgree(calibration, path));
     const size_t stride = path.points.size() / kMaxPathPoints + 1;
     for (size_t i = 0; i < path.points.size(); i += stride) {
       const TriangulatedPoint& point = path.points[i];

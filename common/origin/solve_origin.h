@@ -14,7 +14,7 @@ namespace rigcal {
 
 // Of rows, what a new frame is made from: of a path a part of its points, evenly chosen; else the
 // markers at each place where the target rests.
-// FAILED_PRECONDITION: it rests nowhere. Errors of TriangulateRows.
+// FAILED_PRECONDITION: it rests nowhere. Errors of TriangulateRows and CheckCamerasAgree.
 absl::StatusOr<std::vector<MarkerViews>> MeasureForOrigin(const CalibrationResult& calibration,
                                                           const OriginRequest& request,
                                                           const std::vector<CameraRows>& rows,

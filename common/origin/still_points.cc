@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
+#include "common/triangulate/camera_agreement.h"
 #include "common/triangulate/point_fit.h"
 
 namespace rigcal {
@@ -93,6 +94,7 @@ absl::StatusOr<std::vector<StillPoint>> FindStillPoints(const CalibrationResult&
                                                         const StillOptions& options) {
   RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
                           TriangulateRows(calibration, rows, options.triangulation));
+  RIGCAL_RETURN_IF_ERROR(CheckCamerasAgree(calibration, triangulation));
   const std::vector<StillInstant> instants = InstantsOf(triangulation);
   std::vector<StillRun> places;
   double longest_s = 0;

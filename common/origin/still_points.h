@@ -30,8 +30,8 @@ struct StillOptions {
 };
 
 // Finds the places at which a target rests, in rows that also show how it is carried from one to
-// the next. A place that comes again is the same one. FAILED_PRECONDITION: it rests nowhere. The
-// errors of TriangulateRows.
+// the next. A place that comes again is the same one. FAILED_PRECONDITION: it rests nowhere.
+// Errors of TriangulateRows and CheckCamerasAgree.
 absl::StatusOr<std::vector<StillPoint>> FindStillPoints(const CalibrationResult& calibration,
                                                         const std::vector<CameraRows>& rows,
                                                         const StillOptions& options);

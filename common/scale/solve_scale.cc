@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "common/status/status_macros.h"
+#include "common/triangulate/camera_agreement.h"
 #include "common/triangulate/located_markers.h"
 
 namespace rigcal {
@@ -79,6 +80,7 @@ absl::StatusOr<std::vector<MarkerViews>> MeasureForScale(const CalibrationResult
                                                          size_t max_pairs) {
   RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
                           TriangulateRows(calibration, rows, options));
+  RIGCAL_RETURN_IF_ERROR(CheckCamerasAgree(calibration, triangulation));
   const std::vector<TriangulatedPoint>& points = triangulation.points;
   std::map<int64_t, std::map<int, size_t>> instants;  // marker to point, by time
   for (size_t i = 0; i < points.size(); ++i) {

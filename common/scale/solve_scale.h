@@ -13,7 +13,8 @@
 namespace rigcal {
 
 // Of rows, the markers between which lengths are known, at the instants that show both: of each
-// length at most `max_pairs` pairs, evenly chosen. Errors of TriangulateRows.
+// length at most `max_pairs` pairs, evenly chosen. Errors of TriangulateRows and
+// CheckCamerasAgree.
 absl::StatusOr<std::vector<MarkerViews>> MeasureForScale(const CalibrationResult& calibration,
                                                          const ScaleRequest& request,
                                                          const std::vector<CameraRows>& rows,

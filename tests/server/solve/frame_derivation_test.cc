@@ -139,9 +139,13 @@ TEST_F(FrameDerivation, RefusesWhatGivesNoFrame) {
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("rests nowhere")));
   EXPECT_THAT(refusal({}, OriginOptionsOf(FrameSource::kFloor)),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("name a session")));
-  // Of a rig whose cameras have been exchanged.
+  // Of a rig of which cameras have been exchanged: two, then all.
   CalibrationInput exchanged = Floor(*world_, 3);
   std::swap(exchanged.tracks[0].observations, exchanged.tracks[1].observations);
+  EXPECT_THAT(refusal(exchanged, OriginOptionsOf(FrameSource::kFloor)),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("sim_0 (100 % of"), HasSubstr("sim_1 (100 % of"),
+                             HasSubstr("--only sim_0,sim_1"))));
   std::swap(exchanged.tracks[2].observations, exchanged.tracks[3].observations);
   EXPECT_FALSE(refusal(exchanged, OriginOptionsOf(FrameSource::kFloor)).ok());
 }

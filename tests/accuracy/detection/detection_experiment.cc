@@ -7,26 +7,18 @@
 #include <cmath>
 #include <ctime>
 #include <numbers>
-#include <optional>
 
 #include "common/camera/camera_model.h"
-#include "common/simulation/frames/exposure_plan.h"
-#include "common/simulation/frames/light_model.h"
-#include "common/simulation/frames/scene_renderer.h"
-#include "common/simulation/world/random_stream.h"
 #include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/detection/paper_rig.h"
-#include "tests/accuracy/detection/photographs.h"
+#include "tests/accuracy/detection/rendered_room.h"
 #include "tests/accuracy/rig/statistics.h"
 #include "tests/accuracy/seed_runs.h"
 
 namespace rigcal::accuracy {
 namespace {
 
-constexpr uint64_t kMostTries = 64;
 constexpr double kVisibleShare = 0.98;
-constexpr double kLitShare = 0.5;  // of the room's light on a sphere, by its LED
-constexpr uint64_t kLedTimePurpose = 0x6c656474;
 constexpr std::array<double, 5> kDistancesM = {2, 3, 4, 5, 6.5};
 constexpr std::array<double, 4> kRadiiPx = {200, 400, 600, 900};
 
@@ -70,46 +62,6 @@ double ThreadMilliseconds() {
   return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
 }
 
-// A wand of which the border cuts a sphere, if `cut`; else one fully visible.
-std::optional<WandMotion> PoseOf(const DetectionOptions& options, uint64_t seed) {
-  const Intrinsics& intrinsics = *options.camera.intrinsics;
-  const ImageSize& size = options.camera.image_size_px;
-  if (!options.cut_by_border) {
-    return RandomWandPose(intrinsics, size, options.target, options.pose, seed);
-  }
-  RandomWandPoseOptions pose = options.pose;
-  for (uint64_t attempt = 0; attempt < kMostTries; ++attempt) {
-    pose.margin_px = -12;
-    auto wand = RandomWandPose(intrinsics, size, options.target, pose, kMostTries * seed + attempt);
-    if (!wand) continue;
-    for (size_t m = 0; m < options.target.marker_positions_m.size(); ++m) {
-      const double share =
-          testing::VisibleShare(intrinsics, size, options.target, *wand, m, nullptr);
-      if (share > 0.2 && share < 0.9) return wand;
-    }
-  }
-  return std::nullopt;
-}
-
-// When an LED's phase is drawn at all, for all of the wand's together.
-std::optional<double> LedTime(const DetectionOptions& options, uint64_t seed) {
-  if (!options.one_clock || options.target.blink_hz.empty()) return std::nullopt;
-  RandomStream random{kLedTimePurpose, seed};
-  return random.Uniform() / options.target.blink_hz.front();
-}
-
-bool IsLit(const DetectionOptions& options, double led_time_s) {
-  const FrameRenderOptions& render = options.render;
-  const BlinkTiming blink{options.target.blink_hz.front(), render.blink_duty, led_time_s};
-  double lit_share = 0;
-  for (const ExposurePart& part : PlanExposure(render.exposure_s, blink, render.exposure_s)) {
-    lit_share += part.lit_share;
-  }
-  const LightModel light(render);
-  const double led = lit_share * *std::max_element(light.led_grey.begin(), light.led_grey.end());
-  return led >= kLitShare * (light.shell_grey + light.spot_grey);
-}
-
 // Which of the spheres that are to be seen were found.
 void CountMarkers(const DetectionOptions& options, const WandMotion& wand,
                   const FrameGroundTruth& truth, const Observation& observation,
@@ -131,77 +83,50 @@ void CountMarkers(const DetectionOptions& options, const WandMotion& wand,
   }
 }
 
-// The frames of one room.
-std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
+void Detect(const DetectionOptions& options, const RenderedRoom& room, const RoomFrame& frame,
+            int index, agent::WandDetector* detector, ImageResult* result) {
+  const double begin_ms = ThreadMilliseconds();
+  const auto detection =
+      detector->Detect(room.view(), static_cast<int64_t>(index + 1) * 1000000000, 0);
+  result->milliseconds = ThreadMilliseconds() - begin_ms;
+  if (!detection.ok()) {
+    result->status = detection.status();
+    return;
+  }
+  result->outcome = detection->outcome;
+  result->confidence = detection->confidence;
+  result->covered_markers = detection->occluded_markers;
+  if (!frame.wand) {
+    result->false_wand = detection->outcome == DetectionOutcome::kWand;
+    return;
+  }
+  const WandMotion& wand = *frame.wand;
+  const Eigen::Vector3d at = wand.origin_m.normalized();
+  result->distance_m = wand.origin_m.norm();
+  result->tilt_deg = std::asin(std::abs(at.dot(wand.direction))) * 180 / std::numbers::pi;
+  result->has_wand = true;
+  result->lit = frame.lit;
+  result->shown =
+      frame.lit &&
+      testing::WandVisible(*options.camera.intrinsics, options.camera.image_size_px, options.target,
+                           wand, frame.truth.bar ? &*frame.truth.bar : nullptr);
+  if (frame.lit) CountMarkers(options, wand, frame.truth, detection->observation, result);
+  Compare(frame.truth, wand, options.target, options, detection->observation, result);
+}
+
+std::vector<ImageResult> RunRoom(const DetectionOptions& options, int number) {
   std::vector<ImageResult> results(static_cast<size_t>(options.frames_per_room));
-  FrameRenderOptions render = options.render;
-  render.seed = options.seed * 1000 + static_cast<uint32_t>(room);
-  std::vector<float> photograph;
-  if (!options.photographs.empty()) {
-    const size_t index = static_cast<size_t>(room) % options.photographs.size();
-    photograph =
-        LoadPhotograph(options.photographs[index], options.camera.image_size_px, render.seed);
-  }
-  auto renderer =
-      SceneRenderer::Create(*options.camera.intrinsics, options.camera.image_size_px,
-                            options.target, render, photograph.empty() ? nullptr : &photograph);
+  auto room = RenderedRoom::Create(options, number);
   auto detector = agent::WandDetector::Create(options.detector, options.target, options.camera);
-  if (!renderer.ok() || !detector.ok()) {
-    for (ImageResult& result : results) {
-      result.status = renderer.ok() ? detector.status() : renderer.status();
-    }
-    return results;
-  }
-  std::vector<uint8_t> pixels(renderer->buffer_size());
-  for (size_t i = 0; i < results.size(); ++i) {
-    ImageResult& result = results[i];
-    SceneFrame frame;
-    frame.seed = static_cast<uint64_t>(render.seed) * 100000 + i;
-    result.seed = frame.seed;
-    std::optional<WandMotion> wand;
-    const bool empty = std::fmod(static_cast<double>(i + 1) * options.share_without_wand, 1.0) <
-                       options.share_without_wand - 1e-9;
-    if (options.with_wand && !empty) {
-      wand = PoseOf(options, frame.seed);
-      if (wand.has_value()) {
-        frame.spheres = wand->Spheres(options.target);
-        frame.led_time_s = LedTime(options, frame.seed);
-        const Eigen::Vector3d at = wand->origin_m.normalized();
-        result.distance_m = wand->origin_m.norm();
-        result.tilt_deg = std::asin(std::abs(at.dot(wand->direction))) * 180 / std::numbers::pi;
-      }
-    }
-    const auto ground_truth = renderer->Render(frame, pixels);
-    if (!ground_truth.ok()) {
-      result.status = ground_truth.status();
-      continue;
-    }
-    const ImageSize size = options.camera.image_size_px;
-    const agent::ImageView view{pixels.data(), static_cast<int>(size.width),
-                                static_cast<int>(size.height),
-                                static_cast<ptrdiff_t>(size.width) * 3, agent::PixelFormat::kBgr8};
-    const double begin_ms = ThreadMilliseconds();
-    const auto detection = detector->Detect(view, static_cast<int64_t>(i + 1) * 1000000000, 0);
-    result.milliseconds = ThreadMilliseconds() - begin_ms;
-    if (!detection.ok()) {
-      result.status = detection.status();
-      continue;
-    }
-    result.outcome = detection->outcome;
-    result.confidence = detection->confidence;
-    result.covered_markers = detection->occluded_markers;
-    if (!wand.has_value()) {
-      result.false_wand = detection->outcome == DetectionOutcome::kWand;
-      continue;
-    }
-    result.has_wand = true;
-    result.lit = !frame.led_time_s || IsLit(options, *frame.led_time_s);
-    result.shown =
-        result.lit && testing::WandVisible(*options.camera.intrinsics, options.camera.image_size_px,
-                                           options.target, *wand,
-                                           ground_truth->bar ? &*ground_truth->bar : nullptr);
-    if (result.lit) CountMarkers(options, *wand, *ground_truth, detection->observation, &result);
-    Compare(*ground_truth, *wand, options.target, options, detection->observation, &result);
+  for (int i = 0; i < options.frames_per_room; ++i) {
+    ImageResult& result = results[static_cast<size_t>(i)];
+    result.status = room.ok() ? detector.status() : room.status();
+    if (!result.status.ok()) continue;
+    const auto frame = room->Render(i);
+    result.status = frame.status();
+    if (!frame.ok()) continue;
+    result.seed = frame->seed;
+    Detect(options, *room, *frame, i, &*detector, &result);
   }
   return results;
 }

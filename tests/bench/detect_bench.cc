@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// From pixels to blobs, against OpenCV and against reading the pixels, one thread. 64 different
-// 1280x1024 BGR images (252 MB, more than caches hold), all buffers re-used. Scenes: `Dark` is a
+// The whole detector in rendered rooms (room_bench.h), and its way from pixels to blobs, against
+// OpenCV and against reading the pixels, one thread. For the latter 64 different 1280x1024 BGR
+// images (252 MB, more than caches hold), all buffers re-used. Scenes: `Dark` is a
 // room of grey level 40 with noise of 3, three warm discs, reflections and warm clutter on 2 to 5 %
 // of the pixels; `Daylight` is the same at level 120, where the colour of every pixel has to be
 // computed; `Mottled` is a wall whose hue is near the limit of the range, so that noise decides
@@ -29,6 +30,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/detect/blobs/blob_finder.h"
+#include "tests/bench/room_bench.h"
 #include "tests/bench/suites.h"
 
 namespace rigcal::agent::detect_bench {
@@ -223,6 +225,7 @@ void Register() {
       Ours(state, images, &BestMaskKernel(), true);
     });
   }
+  bench::RegisterRooms();
 }
 
 void PrintRatios(const bench::MeasuredTimes& times) {
@@ -241,6 +244,7 @@ void PrintRatios(const bench::MeasuredTimes& times) {
                   times.Median(above) / times.Median(below));
     }
   }
+  bench::PrintRoomRatios(times);
 }
 
 }  // namespace
@@ -249,7 +253,7 @@ void PrintRatios(const bench::MeasuredTimes& times) {
 namespace rigcal::bench {
 
 Suite DetectSuite() {
-  return {"detect", "blobs in whole images, against chains of OpenCV functions",
+  return {"detect", "blobs in whole images and wands in rooms, against chains of OpenCV functions",
           agent::detect_bench::Register, agent::detect_bench::PrintRatios};
 }
 

@@ -49,6 +49,17 @@ TEST(RigcalBench, TheLiveSuiteRunsWithAServer) {
   EXPECT_EQ(result.at("unchanged_304_share"), 1);
 }
 
+TEST(RigcalBench, TheDetectorFindsTheWandsOfADarkRoom) {
+  const CommandResult run =
+      RunCommand({"rigcal-bench", "detect", "--benchmark_filter=room/dark/Detector",
+                  "--benchmark_format=json"});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  const auto result = nlohmann::json::parse(run.output).at("benchmarks").at(0);
+  EXPECT_GE(result.at("found_%"), 95);
+  EXPECT_EQ(result.at("false"), 0);
+  EXPECT_GE(result.at("worst_ms"), result.at("median_ms"));
+}
+
 TEST(RigcalBench, RefusesAnUnknownSuite) {
   const CommandResult run = RunCommand({"rigcal-bench", "stores"});
   EXPECT_EQ(run.exit_code, 2);

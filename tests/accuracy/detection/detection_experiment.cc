@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <ctime>
 #include <numbers>
 
 #include "common/camera/camera_model.h"
@@ -14,6 +13,7 @@
 #include "tests/accuracy/detection/rendered_room.h"
 #include "tests/accuracy/rig/statistics.h"
 #include "tests/accuracy/seed_runs.h"
+#include "tests/accuracy/thread_cpu.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -55,13 +55,6 @@ void Compare(const FrameGroundTruth& truth, const WandMotion& motion, const Targ
   if (!result->found) result->centres.clear();
 }
 
-// CPU time of this thread.
-double ThreadMilliseconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
-}
-
 // Which of the spheres that are to be seen were found.
 void CountMarkers(const DetectionOptions& options, const WandMotion& wand,
                   const FrameGroundTruth& truth, const Observation& observation,
@@ -85,10 +78,10 @@ void CountMarkers(const DetectionOptions& options, const WandMotion& wand,
 
 void Detect(const DetectionOptions& options, const RenderedRoom& room, const RoomFrame& frame,
             int index, agent::WandDetector* detector, ImageResult* result) {
-  const double begin_ms = ThreadMilliseconds();
+  const double begin_s = ThreadCpuS();
   const auto detection =
       detector->Detect(room.view(), static_cast<int64_t>(index + 1) * 1000000000, 0);
-  result->milliseconds = ThreadMilliseconds() - begin_ms;
+  result->milliseconds = 1e3 * (ThreadCpuS() - begin_s);
   if (!detection.ok()) {
     result->status = detection.status();
     return;

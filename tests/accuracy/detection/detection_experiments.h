@@ -9,6 +9,7 @@ namespace rigcal::accuracy {
 Experiment AmbientLight();
 Experiment BlinkFrequency();
 Experiment Detection();
+Experiment DetectionScore();
 Experiment EventDetection();
 Experiment EventLatency();
 

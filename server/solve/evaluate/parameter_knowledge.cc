@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/parameter_knowledge.h"
+
+#include <algorithm>
+
+namespace rigcal::server {
+namespace {
+
+// Of a system with a unit diagonal: what is smaller is no information.
+constexpr double kNullEigenvalue = 1e-11;
+// Squared part of a parameter in what is not determined.
+constexpr double kNullShare = 1e-6;
+constexpr Eigen::Index kMaxEigenSize = 400;
+
+}  // namespace
+
+ParameterKnowledge::ParameterKnowledge(const ReducedInformation& information)
+    : parameters_(information.parameters) {
+  scale_ = information.information.diagonal().cwiseMax(0).cwiseSqrt();
+  for (Eigen::Index i = 0; i < scale_.size(); ++i) scale_[i] = scale_[i] > 0 ? 1 / scale_[i] : 0;
+  scaled_ = scale_.asDiagonal() * information.information * scale_.asDiagonal();
+  factor_.compute(scaled_);
+  if (factor_.info() == Eigen::Success && scale_.minCoeff() > 0) return;
+  is_regular_ = false;
+  if (scaled_.rows() <= kMaxEigenSize) eigen_.compute(scaled_);
+}
+
+Eigen::Index ParameterKnowledge::Row(const ReducedParameter& parameter) const {
+  const auto found = std::ranges::find(parameters_, parameter);
+  return found == parameters_.end() ? -1 : found - parameters_.begin();
+}
+
+double ParameterKnowledge::Variance(const Eigen::VectorXd& gain) const {
+  const Eigen::VectorXd a = scale_.cwiseProduct(gain);
+  if (is_regular_) return std::max(0.0, a.dot(factor_.solve(a)));
+  if (eigen_.eigenvalues().size() == 0) return kUndetermined;
+  const Eigen::VectorXd parts = eigen_.eigenvectors().transpose() * a;
+  double variance = 0, lost = 0;
+  for (Eigen::Index i = 0; i < parts.size(); ++i) {
+    const double part = parts[i] * parts[i], value = eigen_.eigenvalues()[i];
+    if (value > kNullEigenvalue) {
+      variance += part / value;
+    } else {
+      lost += part;
+    }
+  }
+  // What has no scale has no information at all.
+  const bool touches_nothing = (scale_.array() == 0 && gain.array() != 0).any();
+  return touches_nothing || lost > kNullShare * a.squaredNorm() ? kUndetermined : variance;
+}
+
+}  // namespace rigcal::server

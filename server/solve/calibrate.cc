@@ -13,262 +13,26 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
-#include "common/time/clock_course.h"
 #include "server/associate/stamp_units.h"
 #include "server/associate/static_points.h"
 #include "server/solve/calibration_report.h"
-#include "server/solve/clocks/time_search.h"
 #include "server/solve/derivation.h"
-#include "server/solve/diagnose/odd_camera.h"
-#include "server/solve/evaluate/evaluated_solve.h"
 #include "server/solve/evaluate/parameter_information.h"
 #include "server/solve/evaluate/pose_covariance.h"
 #include "server/solve/evaluate/pose_prior.h"
 #include "server/solve/evaluate/quality_gate.h"
 #include "server/solve/evaluate/restart.h"
+#include "server/solve/followed_clocks.h"
 #include "server/solve/frame_derivation.h"
 #include "server/solve/input_checks.h"
 #include "server/solve/kept_frame.h"
-#include "server/solve/rig/held_rig.h"
-#include "server/solve/time_search_report.h"
+#include "server/solve/solve_and_report.h"
+#include "server/solve/spoiling_camera.h"
 
 namespace rigcal::server {
 namespace {
 
-constexpr int kMaxLensRounds = 3, kMaxCourseRounds = 3;
-// Sigma, as a share of a known distance, with which the solver holds it.
-constexpr double kDistanceHold = 1e-4;
-// Of a clock that is followed: what its camera's error must lose, and another one's may gain.
-constexpr double kMinCourseGain = 0.05, kMayLose = 0.05;
-constexpr double kOutlierPx = 10;
-
-// 0 for none.
-int CameraIndex(const RigIndex& index, const std::string& name) {
-  const auto found = std::ranges::find(index.cameras, name, &CameraDescription::camera);
-  return found == index.cameras.end() ? 0 : static_cast<int>(found - index.cameras.begin());
-}
-
-// Markers of a camera that took part in the solve.
-double MarkerCount(const CalibratedCamera& camera) {
-  return camera.residuals.outlier_count + camera.residuals.inlier.marker_count;
-}
-
-// Mean held-out error of a camera with so many markers; what is no inlier, an outlier or a part of
-// no instant, as the 10 px beyond which it says nothing.
-double ErrorOfAllPx(const CalibratedCamera& camera, double marker_count) {
-  const double share = camera.residuals.inlier.marker_count / std::max(1.0, marker_count);
-  const double mean_px =
-      camera.held_out ? camera.held_out->mean_px : camera.residuals.inlier.mean_px;
-  return share * mean_px + (1 - share) * kOutlierPx;
-}
-
-// One camera clearly, and no other one worse. Both results have the same cameras.
-bool FitsBetter(const CalibrationResult& before, const CalibrationResult& after,
-                const std::string& camera) {
-  if (before.cameras.size() != after.cameras.size()) return false;
-  for (size_t c = 0; c < before.cameras.size(); ++c) {
-    const double count = std::max(MarkerCount(before.cameras[c]), MarkerCount(after.cameras[c]));
-    const double before_px = ErrorOfAllPx(before.cameras[c], count);
-    const double after_px = ErrorOfAllPx(after.cameras[c], count);
-    const double most_px = before.cameras[c].camera == camera ? (1 - kMinCourseGain) * before_px
-                                                              : (1 + kMayLose) * before_px;
-    if (!(after_px <= most_px)) return false;
-  }
-  return true;
-}
-
-// A mirrored image fits with no pose: told before everything is tried on it.
-absl::Status CheckMirrored(const RigObservations& rig, const RigSolution& solution) {
-  const BundleProblem& problem = solution.built.problem;
-  const std::vector<int> doubted = MeasureAgreement(problem).doubted;
-  if (doubted.empty() || 2 * doubted.size() > problem.cameras.size()) return absl::OkStatus();
-  const OddCamera odd =
-      JudgeCamera(rig, solution, problem.cameras[static_cast<size_t>(doubted.front())].name);
-  if (odd.kind != FindingKind::kMirroredImage) return absl::OkStatus();
-  return absl::FailedPreconditionError(absl::StrCat("camera ", odd.camera, ": ", odd.advice));
-}
-
-// From the clocks as the search leaves them; where that cannot be solved, from the clocks as given:
-// a search that went wrong must not cost a rig that was aligned.
-absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
-                                                 const std::vector<ClockCorrection>& clocks,
-                                                 const RigSolveOptions& solve,
-                                                 const CalibrationOptions& options) {
-  const auto check = [&rig](const RigSolution& solution) { return CheckMirrored(rig, solution); };
-  if (!solve.estimate_time_offsets) {
-    return SolveAndEvaluate(rig, clocks, solve, options, nullptr, check);
-  }
-  const auto progress = [&solve](double fraction) {
-    solve.progress(CalibrationStage::kSearchingTimeOffsets, fraction);
-  };
-  std::vector<ClockCorrection> found = clocks;
-  TimeSearchOutcome searched;
-  RIGCAL_RETURN_IF_ERROR(SearchTimeOffsets(rig, solve.reference_camera, {progress, solve.cancelled},
-                                           &found, &searched));
-  RIGCAL_RETURN_IF_ERROR(CheckDecided(rig, searched));
-  absl::StatusOr<EvaluatedSolution> evaluated =
-      SolveAndEvaluate(rig, found, solve, options, nullptr, check);
-  if (evaluated.ok()) AddSearchFindings(rig, searched, &evaluated->findings);
-  const bool moved = !std::equal(found.begin(), found.end(), clocks.begin(),
-                                 [](const ClockCorrection& a, const ClockCorrection& b) {
-                                   return a.time_offset_s == b.time_offset_s;
-                                 });
-  if (!absl::IsFailedPrecondition(evaluated.status())) return evaluated;
-  if (moved) {
-    absl::StatusOr<EvaluatedSolution> as_given =
-        SolveAndEvaluate(rig, clocks, solve, options, nullptr, check);
-    if (as_given.ok() || absl::IsCancelled(as_given.status())) return as_given;
-  }
-  if (searched.period_s > 0) return WithPeriod(evaluated.status(), searched.period_s);
-  return evaluated;
-}
-
-bool KeepsIntrinsics(const CalibrationOptions& options, const std::string& camera) {
-  return std::ranges::find(options.fixed_intrinsics, camera) != options.fixed_intrinsics.end();
-}
-
-RigSolveOptions SolveOptionsOf(const RigObservations& rig, const CalibrationOptions& options,
-                               const CalibrationHooks& hooks,
-                               const std::map<std::string, CameraCounts>& counts,
-                               std::shared_ptr<const HeldRig> held = nullptr) {
-  RigSolveOptions solve;
-  solve.held = std::move(held);
-  solve.reference_camera = CameraIndex(rig.index, options.reference_camera);
-  solve.estimate_time_offsets = options.time_offsets != Estimate::kFixed;
-  solve.estimate_marker_positions =
-      options.marker_positions != Estimate::kFixed && rig.Parts().HasLengths();
-  if (options.known_distance) {
-    const KnownDistance& known = *options.known_distance;
-    solve.known_distance = BundleDistance{CameraIndex(rig.index, known.camera_a),
-                                          CameraIndex(rig.index, known.camera_b), known.distance_m,
-                                          kDistanceHold * known.distance_m};
-    solve.known_distance_sigma_m = known.SigmaM();
-  }
-  solve.sigma_px = options.sigma_px;
-  solve.tolerance_s = options.association_tolerance_s;
-  solve.seed = options.seed;
-  solve.progress = [&hooks](CalibrationStage stage, double fraction) {
-    if (hooks.progress) hooks.progress(stage, fraction);
-  };
-  solve.cancelled = hooks.cancelled;
-  for (const CameraDescription& camera : rig.index.cameras) {
-    solve.camera_notes.push_back(absl::StrCat(counts.at(camera.camera).wand_count, " wand views"));
-    solve.keep_intrinsics.push_back(KeepsIntrinsics(options, camera.camera));
-  }
-  return solve;
-}
-
-// A calibration before it is published.
-struct Solved {
-  EvaluatedSolution evaluated;
-  CalibrationResult result;
-  RefusalCounter refused;            // what was left out by it, and before
-  std::vector<FoundCourse> courses;  // of clocks, that it does not follow
-};
-
-absl::StatusOr<Solved> SolveAndReport(const RigObservations& rig,
-                                      const std::vector<ClockCorrection>& clocks,
-                                      const RigSolveOptions& solve,
-                                      const CalibrationOptions& options,
-                                      const std::map<std::string, CameraCounts>& counts,
-                                      const RefusalCounter& refused) {
-  Solved solved;
-  RIGCAL_ASSIGN_OR_RETURN(solved.evaluated, SearchAndSolve(rig, clocks, solve, options));
-  solve.progress(CalibrationStage::kReporting, 1);
-  solved.refused = refused;
-  RIGCAL_ASSIGN_OR_RETURN(solved.result, ReportCalibration({rig, solved.evaluated, options, counts},
-                                                           &solved.refused, &solved.courses));
-  return solved;
-}
-
-// The one camera that spoils a rig: it cannot be solved with it, or agrees with no pose of it.
-OddCamera SpoilingCamera(const absl::StatusOr<Solved>& solved, const RigObservations& rig,
-                         const std::vector<ClockCorrection>& clocks, const RigSolveOptions& solve) {
-  if (absl::IsFailedPrecondition(solved.status())) return FindOddCamera(rig, clocks, solve);
-  OddCamera odd;
-  if (!solved.ok()) return odd;
-  int count = 0;
-  for (const Finding& finding : solved->result.findings) {
-    if (finding.candidate || (finding.kind != FindingKind::kInconsistentCamera &&
-                              finding.kind != FindingKind::kMirroredImage)) {
-      continue;
-    }
-    ++count;
-    odd.camera = finding.camera;
-    odd.kind = finding.kind;
-    odd.error_px = finding.value;
-    odd.advice = finding.advice;
-  }
-  return count == 1 ? odd : OddCamera{};
-}
-
-// Named by the options, it cannot be left out.
-bool IsNeeded(const std::string& camera, const CalibrationOptions& options) {
-  return camera == options.reference_camera ||
-         (options.known_distance && (camera == options.known_distance->camera_a ||
-                                     camera == options.known_distance->camera_b));
-}
-
-// The rig without the camera that spoils it. An error: that is not to be solved either.
-absl::StatusOr<Solved> SolveWithout(const OddCamera& odd, RigObservations* rig,
-                                    const std::vector<ClockCorrection>& clocks,
-                                    const CalibrationOptions& options,
-                                    const CalibrationHooks& hooks,
-                                    const std::map<std::string, CameraCounts>& counts,
-                                    RefusalCounter refused) {
-  std::vector<ClockCorrection> remaining;
-  RigObservations rest = WithoutCamera(
-      *rig, clocks, static_cast<size_t>(CameraIndex(rig->index, odd.camera)), &remaining);
-  refused.Add(odd.camera, RefusalReason::kOutlier, counts.at(odd.camera).wand_count,
-              "the whole camera was left out (see findings)");
-  RIGCAL_ASSIGN_OR_RETURN(
-      Solved solved, SolveAndReport(rest, remaining, SolveOptionsOf(rest, options, hooks, counts),
-                                    options, counts, refused));
-  Finding finding{
-      odd.kind, odd.camera, odd.error_px, "px",
-      absl::StrCat("it was left out, and the calibration is that of the others: ", odd.advice)};
-  finding.severity = SeverityOf(solved.result, finding);
-  solved.result.findings.insert(solved.result.findings.begin(), std::move(finding));
-  *rig = std::move(rest);
-  return solved;
-}
-
-// The same rows, their times moved along the course of their clock.
-RigObservations WithCourse(RigObservations rig, const FoundCourse& course) {
-  for (size_t t = 0; t < rig.tracks.size(); ++t) {
-    if (rig.index.clock_of_track[t] != course.clock) continue;
-    rig.tracks[t].clock_course = Sum(rig.tracks[t].clock_course, course.line);
-  }
-  return rig;
-}
-
-// Follows clocks that jumped or drifted, one after the other, where they are for the solve to
-// find, as long as held-out data say that they fit better so. What was followed is appended to
-// `followed`. CANCELLED.
-absl::Status FollowClocks(const std::vector<ClockCorrection>& clocks,
-                          const CalibrationOptions& options, const CalibrationHooks& hooks,
-                          const std::map<std::string, CameraCounts>& counts,
-                          const RefusalCounter& refused, const std::shared_ptr<const HeldRig>& held,
-                          RigObservations* rig, Solved* solved, std::vector<Finding>* followed) {
-  if (options.time_offsets == Estimate::kFixed) return absl::OkStatus();
-  for (int round = 0; round < kMaxCourseRounds && !solved->courses.empty(); ++round) {
-    const FoundCourse course = solved->courses.front();
-    if (!KeepsOrder(course.line)) break;
-    RigObservations changed = WithCourse(*rig, course);
-    absl::StatusOr<Solved> again =
-        SolveAndReport(changed, clocks, SolveOptionsOf(changed, options, hooks, counts, held),
-                       options, counts, refused);
-    if (absl::IsCancelled(again.status())) return again.status();
-    if (!again.ok() || !FitsBetter(solved->result, again->result, course.finding.camera)) break;
-    followed->push_back(course.finding);
-    absl::StrAppend(&followed->back().advice,
-                    "; the calibration follows it (the camera's `clock_course`). Another recording "
-                    "has another course: look for what makes the clock do so");
-    *solved = *std::move(again);
-    *rig = std::move(changed);
-  }
-  return absl::OkStatus();
-}
+constexpr int kMaxLensRounds = 3;
 
 // With the lenses that the data prefer, where the intrinsics are for the solve to choose: in
 // rounds, because one lens that is described wrongly spoils the errors of the others. What cannot

@@ -25,7 +25,7 @@ packages=(
   libtomlplusplus-dev libyaml-cpp-dev libxml2-dev libcli11-dev nlohmann-json3-dev
   libspdlog-dev
   # tests
-  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime
+  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-numpy python3-opencv
 )
 
 # The dashboard and its tests, unless these programs are here from elsewhere.

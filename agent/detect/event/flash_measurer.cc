@@ -45,6 +45,15 @@ struct PixelBox {
   }
 };
 
+// Its disc reaches beyond the border. That a pixel of its rim lies there says little: pixels answer
+// up to two pixels outside a sphere.
+bool IsCut(const Blob& shape, const SensorGeometry& geometry) {
+  const double to_left = shape.centre_px.x() + 0.5, to_top = shape.centre_px.y() + 0.5;
+  const double nearest_px =
+      std::min({to_left, geometry.width - to_left, to_top, geometry.height - to_top});
+  return TouchesBorder(shape.box, geometry) && nearest_px < RadiusPx(shape);
+}
+
 }  // namespace
 
 void FlashMeasurer::Collect(std::span<const PackedEvent> events, double due_us,
@@ -206,8 +215,7 @@ void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, BlinkL
     blob.second_moment_px2 = 0.5 * (rise->shape.second_moment_px2 + fall->shape.second_moment_px2);
     blob.area_px = (rise->shape.area_px + fall->shape.area_px) / 2;
     blob.box = rise->shape.box;
-    blob.touches_border =
-        TouchesBorder(rise->shape.box, geometry_) || TouchesBorder(fall->shape.box, geometry_);
+    blob.touches_border = IsCut(rise->shape, geometry_) || IsCut(fall->shape, geometry_);
     blob.burst_us = due_us + rise->time_us;
     blob.time_us = due_us + 0.5 * (rise->time_us + fall->time_us);
     blob.rise_to_fall_px = fall->shape.centre_px - rise->shape.centre_px;

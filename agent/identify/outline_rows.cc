@@ -139,6 +139,7 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
 void OutlinePixels::Clear() {
   for (auto* values : {&x, &y, &coverage, &precision, &white}) values->clear();
   saturated_behind.clear();
+  stick_side.clear();
 }
 
 void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_precision,

@@ -38,6 +38,9 @@ struct OutlinePixels {
   std::vector<float> white;
   // The background behind is saturated: where the outline is there, is not known well.
   std::vector<uint8_t> saturated_behind;
+  // The stick may be here: on the side of the wand's first marker 1, of its last one 2, else 0.
+  // Empty: not marked (MarkStick).
+  std::vector<uint8_t> stick_side;
 
   void Clear();
   void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1,

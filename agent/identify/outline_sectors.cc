@@ -10,7 +10,12 @@ namespace {
 
 constexpr double kFittedShare = 11.0 / 16;  // place, radius and shape take five sectors of sixteen
 constexpr double kLeastNoise = 0.3;
+constexpr double kPixelSectors = 32;  // that the scatter of an outline's pixels counts as
 constexpr double kPriorSectors = 8;
+constexpr double kStickSides = 2;  // what is expected counts as so many
+constexpr double kStickPx = 0.02, kStickBehindPx = 0.2;
+constexpr double kStickFitted = 0.65, kMostStickPx = 0.5;
+constexpr double kDark = 0.1, kHidesPx = 100;
 constexpr double kMostUsual = 5;  // of the usual variance, that a sector counts with
 constexpr double kTooFar = 4;
 // What disturbs a sector disturbs its neighbours too; so much more it moves the place.
@@ -53,19 +58,48 @@ double Excess(const SectorErrors& errors, double noise) {
   return sum / static_cast<double>(errors.squared.size());
 }
 
+// A stick moves the edge alike on all spheres, more or less.
+double StickVariance(absl::Span<const SphereOutline* const> outlines, double behind,
+                     const EdgeScatter& usual) {
+  const double expected_px = kStickPx + kStickBehindPx * behind;
+  double sum = kStickSides * expected_px * expected_px, count = kStickSides;
+  for (const SphereOutline* outline : outlines) {
+    if (outline == nullptr) continue;
+    for (size_t s = kOutlineSectors; s < kOutlineParts; ++s) {
+      const double information = outline->sector_information[s];
+      if (!(information > 0)) continue;
+      const double away = outline->sector_score[s] / information;
+      const double noise = usual.noise / information;
+      // The fit has followed it.
+      sum += std::min((away * away - kStickFitted * noise) / (kStickFitted * kStickFitted),
+                      kMostStickPx * kMostStickPx);
+      count += 1;
+    }
+  }
+  return std::max(0.0, sum / count);
+}
+
 }  // namespace
 
-std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> outlines) {
+std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> outlines,
+                                        double behind) {
   SectorErrors all;
   for (const SphereOutline* outline : outlines) {
     if (outline != nullptr) AddErrors(*outline, &all);
   }
-  double ratio = 0;
-  for (size_t i = 0; i < all.squared.size(); ++i) ratio += all.squared[i] / all.variance[i];
-  if (!all.squared.empty()) ratio /= static_cast<double>(all.squared.size());
+  auto count_of_all = static_cast<double>(all.squared.size());
+  double ratios = 0;
+  for (size_t i = 0; i < all.squared.size(); ++i) ratios += all.squared[i] / all.variance[i];
+  // Sectors are few, pixels many.
+  for (const SphereOutline* outline : outlines) {
+    if (outline == nullptr) continue;
+    ratios += kPixelSectors * outline->pixel_noise;
+    count_of_all += kPixelSectors;
+  }
   EdgeScatter usual;
-  usual.noise = std::clamp(ratio, kLeastNoise, 1.0);
+  usual.noise = std::clamp(ratios / std::max(1.0, count_of_all), kLeastNoise, 1.0);
   usual.extra_px2 = Excess(all, usual.noise);
+  usual.stick_px2 = StickVariance(outlines, behind, usual);
   std::vector<EdgeScatter> scatters;
   for (const SphereOutline* outline : outlines) {
     EdgeScatter& own = scatters.emplace_back(usual);
@@ -84,14 +118,18 @@ SectorVariances ExtraVariances(const OutlinePixels& pixels, const SphereOutline&
                                const EdgeScatter& scatter) {
   SectorVariances extra;
   extra.fill(kShared * scatter.extra_px2);
-  std::array<double, kOutlineSectors> saturated{}, count{};
+  for (size_t s = kOutlineSectors; s < kOutlineParts; ++s) {
+    extra[s] = std::max(extra[s], scatter.stick_px2);
+    // The stick is in front.
+    if (outline.stick_darkness[s - kOutlineSectors] > kDark) extra[s] = kHidesPx * kHidesPx;
+  }
+  std::array<double, kOutlineParts> saturated{}, count{};
   for (size_t i = 0; i < pixels.size(); ++i) {
-    const size_t s = OutlineSector(static_cast<double>(pixels.x[i]) - outline.centre_px.x(),
-                                   static_cast<double>(pixels.y[i]) - outline.centre_px.y());
+    const size_t s = OutlinePart(pixels, i, outline.centre_px);
     saturated[s] += pixels.saturated_behind[i];
     count[s] += 1;
   }
-  for (size_t s = 0; s < kOutlineSectors; ++s) {
+  for (size_t s = 0; s < kOutlineParts; ++s) {
     const double information = outline.sector_information[s];
     if (information > 0) {
       const double away = outline.sector_score[s] / information;
@@ -109,15 +147,13 @@ SectorVariances ExtraVariances(const OutlinePixels& pixels, const SphereOutline&
 void Discount(const OutlinePixels& pixels, const SphereOutline& outline,
               const SectorVariances& extra_px2, double noise, OutlinePixels* discounted) {
   *discounted = pixels;
-  std::array<float, kOutlineSectors> factor;
-  for (size_t s = 0; s < kOutlineSectors; ++s) {
+  std::array<float, kOutlineParts> factor;
+  for (size_t s = 0; s < kOutlineParts; ++s) {
     factor[s] =
         static_cast<float>(1 / std::sqrt(1 + outline.sector_information[s] * extra_px2[s] / noise));
   }
   for (size_t i = 0; i < pixels.size(); ++i) {
-    discounted->precision[i] *=
-        factor[OutlineSector(static_cast<double>(pixels.x[i]) - outline.centre_px.x(),
-                             static_cast<double>(pixels.y[i]) - outline.centre_px.y())];
+    discounted->precision[i] *= factor[OutlinePart(pixels, i, outline.centre_px)];
   }
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "agent/identify/outline_sectors.h"
+#include "agent/identify/wand_stick.h"
 
 namespace rigcal::agent {
 namespace {
@@ -93,10 +94,16 @@ FittedOutlines WithTheirLight(const OutlinedMarkers& markers, const VerifiedWand
   return light->white ? white : own;
 }
 
-std::vector<EdgeScatter> ScatterOf(const FittedOutlines& outlines) {
+std::vector<EdgeScatter> ScatterOf(const FittedOutlines& outlines, const VerifiedWand& wand) {
   std::vector<const SphereOutline*> all;
-  for (const auto& outline : outlines) all.push_back(outline ? &*outline : nullptr);
-  return ScatterOfEdges(all);
+  double behind = 0, contrast = 0;
+  for (size_t k = 0; k < outlines.size(); ++k) {
+    all.push_back(outlines[k] ? &*outlines[k] : nullptr);
+    if (!outlines[k]) continue;
+    behind += std::max(0.0, wand.centres[k].plateau_grey.norm() - wand.centres[k].contrast_grey);
+    contrast += wand.centres[k].contrast_grey;
+  }
+  return ScatterOfEdges(all, contrast > 0 ? std::min(1.0, behind / contrast) : 0);
 }
 
 double MedianOf(std::vector<double> values) {
@@ -178,8 +185,16 @@ bool IsPartlyHidden(const VerifiedWand& wand, const FittedOutlines& outlines, si
 
 }  // namespace
 
-void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter,
+void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitter,
                         VerifiedWand* wand) {
+  OutlinedMarkers markers = given;
+  absl::InlinedVector<OutlinePixels, 3> marked(markers.size());
+  for (size_t k = 0; k < markers.size(); ++k) {
+    if (markers[k].outline == nullptr) continue;
+    marked[k] = *markers[k].pixels;
+    MarkStick(*wand, k, *markers[k].outline, &marked[k]);
+    markers[k].pixels = &marked[k];
+  }
   SphereShading light;
   const FittedOutlines fitted = WithTheirLight(markers, *wand, fitter, &light);
   double chi_squared = 0;
@@ -208,7 +223,7 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
     }
     outlines[k] = outline;
   }
-  const std::vector<EdgeScatter> scatters = ScatterOf(outlines);
+  const std::vector<EdgeScatter> scatters = ScatterOf(outlines, *wand);
   OutlinePixels discounted;
   for (size_t k = 0; k < markers.size(); ++k) {
     if (!wand->whole[k]) continue;
@@ -252,7 +267,7 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
       // Of the sectors' mean, by what the background behind them may be.
       const double background_px2 = std::max(ToSquare(kBackgroundPx * centre.background_steps),
                                              centre.has_neighbour ? ToSquare(kNeighbourPx) : 0.0);
-      centre.covariance_px2 = scatter.noise * outline.covariance_px2 +
+      centre.covariance_px2 = scatter.noise / outline.follows * outline.covariance_px2 +
                               kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     }
     // Light from one side is not quite a polynomial, and moves a centroid.

@@ -23,6 +23,7 @@ constexpr double kNearlyPx = 0.03, kNearlyCost = 2;  // is enough in the end
 constexpr double kSameCost = 1e-3;                   // single precision
 constexpr size_t kSectors = kOutlineSectors;
 constexpr double kOffPx = 0.3, kOffShare = 0.03;  // of an edge that is not on the outline
+constexpr double kLeastFollows = 0.6;
 constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'
 
 }  // namespace
@@ -30,6 +31,14 @@ constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many o
 size_t OutlineSector(double offset_x, double offset_y) {
   const double turn = (std::atan2(offset_y, offset_x) / (2 * std::numbers::pi) + 0.5) * kSectors;
   return std::min(static_cast<size_t>(turn), kSectors - 1);
+}
+
+size_t OutlinePart(const OutlinePixels& pixels, size_t pixel, const Eigen::Vector2d& centre_px) {
+  if (!pixels.stick_side.empty() && pixels.stick_side[pixel] > 0) {
+    return kOutlineSectors + pixels.stick_side[pixel] - 1;
+  }
+  return OutlineSector(static_cast<double>(pixels.x[pixel]) - centre_px.x(),
+                       static_cast<double>(pixels.y[pixel]) - centre_px.y());
 }
 
 Eigen::Matrix2d SphereOutline::SecondMoment() const {
@@ -85,9 +94,7 @@ void SphereOutlineFitter::ReadEdge(const OutlinePixels& pixels, SphereOutline* o
   scores.fill(0), informations.fill(0);
   double all = 0;
   for (size_t i = 0; i < pixels.size(); ++i) {
-    const Eigen::Vector2d d(static_cast<double>(pixels.x[i]) - outline->centre_px.x(),
-                            static_cast<double>(pixels.y[i]) - outline->centre_px.y());
-    const size_t sector = OutlineSector(d.x(), d.y());
+    const size_t sector = OutlinePart(pixels, i, outline->centre_px);
     const auto slope = static_cast<double>(rows_.slope(kOutlineRadius, i));
     const auto weight = static_cast<double>(weight_[i]);
     scores[sector] += weight * slope * static_cast<double>(residual_[i]);
@@ -105,6 +112,21 @@ void SphereOutlineFitter::ReadEdge(const OutlinePixels& pixels, SphereOutline* o
         1.0 / kSectors;
     outline->edge_chi_squared += scores[k] * scores[k] / informations[k];
     outline->edge_freedom += 1;
+  }
+  for (double& information : informations) information *= outline->follows;
+  std::array<double, 2> missing{}, count{};
+  for (size_t i = 0; i < pixels.stick_side.size(); ++i) {
+    const auto light = static_cast<double>(rows_.value(i));
+    if (pixels.stick_side[i] == 0 || !(pixels.precision[i] > 0) ||
+        light < 0.5 * outline->brightness) {
+      continue;
+    }
+    const size_t side = pixels.stick_side[i] - size_t{1};
+    missing[side] -= static_cast<double>(residual_[i]);
+    count[side] += outline->brightness;
+  }
+  for (size_t side = 0; side < 2; ++side) {
+    outline->stick_darkness[side] = count[side] > 0 ? missing[side] / count[side] : 0;
   }
 }
 
@@ -209,6 +231,11 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   start->residual = std::sqrt(system.squares / free);
   const Matrix full = system.information.selfadjointView<Eigen::Lower>();
   const Matrix covariance = full.inverse();
+  // An outlier's weight falls, so that a shift of all pixels changes the sums of w r by the slope
+  // of w r, 2 w^2 - w, not by w: Huber, Robust Statistics (1981), 7.6.
+  start->follows = std::clamp((2 * system.slopes - system.weights) / std::max(1.0, system.weights),
+                              kLeastFollows, 1.0);
+  start->pixel_noise = start->residual * start->residual / start->follows;
   start->covariance_px2 = covariance.topLeftCorner<2, 2>();
   start->slope_chi_squared = q.segment<2>(kOutlineSlopeX)
                                  .dot(covariance.block<2, 2>(kOutlineSlopeX, kOutlineSlopeX)

@@ -33,6 +33,12 @@ inline constexpr size_t kOutlineSectors = 16;
 // From 0; `offset` from the outline's centre.
 size_t OutlineSector(double offset_x, double offset_y);
 
+// The sectors, without the stick, and then its two sides.
+inline constexpr size_t kOutlineParts = kOutlineSectors + 2;
+
+// Of a pixel of an outline with this centre.
+size_t OutlinePart(const OutlinePixels& pixels, size_t pixel, const Eigen::Vector2d& centre_px);
+
 struct SphereOutline {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();  // of the ellipse
   // By the noise that the pixels are said to have.
@@ -43,9 +49,13 @@ struct SphereOutline {
   Eigen::Vector2d stretch = Eigen::Vector2d::Zero();
   double edge_px = 0;     // one sigma of the edge's softness
   double brightness = 1;  // in its middle, in units of coverage
-  double residual = 0;    // root mean square, over one sigma of noise
-  double cost = 0;        // of the fit, robust, half a chi-squared
-  bool white = false;     // SphereShading::white
+  double residual = 0;    // root mean square, weighted, over one sigma of noise
+  // How much of a shift of all pixels the robust weights follow: the centre's covariance is that
+  // of the noise over this, the noise being `pixel_noise` by the residuals.
+  double follows = 1;
+  double pixel_noise = 1;
+  double cost = 0;     // of the fit, robust, half a chi-squared
+  bool white = false;  // SphereShading::white
   // Sum of squares of how far the edge is from the outline, sector by sector, each over its
   // variance by the pixels' noise, and its degrees of freedom. Noise that neighbouring pixels share
   // and a model that does not fit make it larger.
@@ -58,9 +68,12 @@ struct SphereOutline {
   Eigen::Matrix2d slope_covariance = Eigen::Matrix2d::Identity();
   // Of the slopes of brightness (two degrees of freedom): normal noise alone gives 2 in the mean.
   double slope_chi_squared = 0;
-  // Of the edge's place, sector by sector: score / information is how far outwards it is from the
+  // Of the edge's place, part by part: score / information is how far outwards it is from the
   // outline, in pixels, and 1 / information its variance by the pixels' noise.
-  std::array<double, kOutlineSectors> sector_score{}, sector_information{};
+  std::array<double, kOutlineParts> sector_score{}, sector_information{};
+  // Of the stick's two sides: how much darker than the sphere it is before it, over the sphere's
+  // brightness; 0: nothing of the sphere is there.
+  std::array<double, 2> stick_darkness{};
   Eigen::Matrix<double, kOutlineCount, 1> parameters =
       Eigen::Matrix<double, kOutlineCount, 1>::Zero();
 

@@ -7,6 +7,8 @@
 namespace rigcal::agent {
 namespace {
 
+constexpr double kUsualBlinkHz = 500;
+
 constexpr int kStep = 8, kCoarseStep = 16;
 constexpr int kBlackGrey = 24;
 constexpr int kSaturatedGrey = 250;
@@ -70,8 +72,7 @@ double LightTimeSigma(double exposure_s, const Target& target) {
   const double period_s = 1 / hz;
   const double periods = exposure_s * hz;
   if (periods > 1000) return 0;
-  double squares = 0;
-  int lit_phases = 0;
+  double squares = 0, light_sum_s = 0;
   for (int i = 0; i < kPhases; ++i) {
     double light_s = 0, moment_s2 = 0;
     for (int k = -1; k <= static_cast<int>(periods) + 1; ++k) {
@@ -82,10 +83,16 @@ double LightTimeSigma(double exposure_s, const Target& target) {
       moment_s2 += 0.5 * (end_s - begin_s) * (end_s + begin_s - exposure_s);
     }
     if (!(light_s > 0)) continue;
-    squares += std::pow(moment_s2 / light_s, 2);
-    ++lit_phases;
+    squares += light_s * std::pow(moment_s2 / light_s, 2);
+    light_sum_s += light_s;
   }
-  return lit_phases > 0 ? std::sqrt(squares / lit_phases) : 0;
+  return light_sum_s > 0 ? std::sqrt(squares / light_sum_s) : 0;
+}
+
+double ShortLightTimeSigma(double exposure_s, const Target& target) {
+  Target blinking = target;
+  if (blinking.blink_hz.empty()) blinking.blink_hz = {kUsualBlinkHz};
+  return exposure_s * blinking.blink_hz.front() < 1 ? LightTimeSigma(exposure_s, blinking) : 0;
 }
 
 }  // namespace rigcal::agent

@@ -24,8 +24,13 @@ double WhiteShare(const ImageView& image, int least_grey);
 double LitShare(const ImageView& image);
 
 // One sigma, seconds, of the mean time of the light of a blinking marker (50 % duty) about the
-// middle of an exposure, over all phases of its blinking. 0 where the exposure or the frequency is
+// middle of an exposure, over all phases of its blinking, each as often as it has light: of a short
+// exposure with little light nothing is found. 0 where the exposure or the frequency is
 // not known.
 double LightTimeSigma(double exposure_s, const Target& target);
+
+// The same of an exposure that is shorter than a blink; 0 of any other. A target that does not say
+// how fast it blinks is taken to blink with 500 Hz.
+double ShortLightTimeSigma(double exposure_s, const Target& target);
 
 }  // namespace rigcal::agent

@@ -20,7 +20,10 @@ namespace rigcal::agent {
 namespace {
 
 // Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
-constexpr double kModelSigmaPx = 0.006;
+constexpr double kModelSigmaPx = 0.003;
+
+// A wand that is not followed yet moves as hands do, m/s, one sigma along each axis.
+constexpr double kHandSpeed = 0.6;
 
 // Of wands of which a marker is hidden.
 constexpr size_t kMaxPartial = 12, kFewThings = 12;
@@ -64,7 +67,8 @@ WandDetector::WandDetector(const WandDetectorOptions& options, const Target& tar
       camera_(camera),
       wand_finder_({.limits = options, .max_candidates = kMaxCandidates}, target, camera),
       verifier_(options.min_confidence),
-      light_sigma_s_(LightTimeSigma(options.exposure_s, target)),
+      short_light_sigma_s_(ShortLightTimeSigma(options.exposure_s, target)),
+      light_sigma_s_(std::max(short_light_sigma_s_, LightTimeSigma(options.exposure_s, target))),
       spot_finder_(std::move(spot_finder)) {}
 
 double WandDetector::ShareOf(int64_t count_px) const {
@@ -273,6 +277,9 @@ MarkerObservation WandDetector::Observe(const VerifiedWand& wand, size_t k) cons
   if (const auto velocity = track_.Velocity(k); velocity.has_value()) {
     const Eigen::Vector2d spread_px = light_sigma_s_ * *velocity;
     marker.covariance_px2 += spread_px * spread_px.transpose();
+  } else if (k < wand.px_per_m.size()) {
+    const double spread_px = short_light_sigma_s_ * kHandSpeed * wand.px_per_m[k];
+    marker.covariance_px2 += spread_px * spread_px * Eigen::Matrix2d::Identity();
   }
   wand_finder_.ToSphereCentre(wand.fit, k, &marker);
   return marker;

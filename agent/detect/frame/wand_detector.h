@@ -16,7 +16,8 @@ namespace rigcal::agent {
 struct WandDetectorOptions : BlobFinderOptions, WandLimits {
   bool tracking = true;  // look where the wand is expected before searching the image
   // Seconds; 0: not known. With the target's blink frequency and the image velocity of a followed
-  // wand, what the LED's phase leaves open is part of the covariance.
+  // wand, what the LED's phase leaves open is part of the covariance. Where the exposure is shorter
+  // than a blink and the wand is not followed yet, with the usual speed of a hand.
   double exposure_s = 0;
 
   // Every fault.
@@ -74,7 +75,7 @@ class WandDetector {
   CameraDescription camera_;
   WandFinder wand_finder_;
   WandVerifier verifier_;
-  double light_sigma_s_;
+  double short_light_sigma_s_, light_sigma_s_;  // see WandDetectorOptions::exposure_s
   WandTrack track_;
   PixelRect window_;
   SpotFinder spot_finder_;

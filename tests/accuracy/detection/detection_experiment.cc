@@ -110,7 +110,9 @@ void Detect(const DetectionOptions& options, const RenderedRoom& room, const Roo
 std::vector<ImageResult> RunRoom(const DetectionOptions& options, int number) {
   std::vector<ImageResult> results(static_cast<size_t>(options.frames_per_room));
   auto room = RenderedRoom::Create(options, number);
-  auto detector = agent::WandDetector::Create(options.detector, options.target, options.camera);
+  agent::WandDetectorOptions detecting = options.detector;
+  detecting.exposure_s = options.render.exposure_s;
+  auto detector = agent::WandDetector::Create(detecting, options.target, options.camera);
   for (int i = 0; i < options.frames_per_room; ++i) {
     ImageResult& result = results[static_cast<size_t>(i)];
     result.status = room.ok() ? detector.status() : room.status();

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "agent/identify/outline_sectors.h"
+#include "agent/identify/wand_stick.h"
 
 namespace rigcal::agent::outlined_centres_test {
 namespace {
@@ -90,6 +91,93 @@ TEST(SetOutlinedCentres, WhatIsBesideASphereWidensItsCovariance) {
   beside.SetCentres();
   EXPECT_GT(beside.wand_.centres[0].covariance_px2.trace(),
             4 * alone.wand_.centres[0].covariance_px2.trace());
+}
+
+// The edge is as far off as noise says, and the stick's sides of all spheres are further.
+TEST(OutlineSectors, ASideOfTheStickCountsByThoseOfAllSpheres) {
+  std::array<SphereOutline, 3> outlines;
+  for (SphereOutline& outline : outlines) {
+    outline.radius_px = kRadius;
+    outline.sector_information.fill(400);  // 0.05 px each
+    for (size_t s = 0; s < kOutlineSectors; ++s) outline.sector_score[s] = s % 2 == 0 ? 14 : -14;
+  }
+  const auto stick = [&](double away_px) {
+    for (SphereOutline& outline : outlines) {
+      for (size_t s = kOutlineSectors; s < kOutlineParts; ++s) {
+        outline.sector_score[s] = 400 * away_px;
+      }
+    }
+    return ScatterOfEdges({&outlines[0], &outlines[1], &outlines[2]})[1];
+  };
+  const EdgeScatter without = stick(0.02), with = stick(0.2);
+  EXPECT_LT(without.stick_px2, 0.03 * 0.03);
+  EXPECT_GT(with.stick_px2, 0.15 * 0.15);
+  EXPECT_NEAR(with.extra_px2, without.extra_px2, 1e-9);
+  outlines[1].stick_darkness = {0, 0.5};
+  const OutlinePixels pixels = Disc({0, 0}, -100, 1);
+  const SectorVariances extra = ExtraVariances(pixels, outlines[1], without);
+  EXPECT_LT(extra[kOutlineSectors], 1);
+  EXPECT_GT(extra[kOutlineSectors + 1], 1000);
+}
+
+TEST(OutlineSectors, FewSectorsDoNotMakeTheNoiseLess) {
+  SphereOutline outline{.radius_px = kRadius};
+  outline.sector_information.fill(400);
+  outline.pixel_noise = 0.9;
+  EXPECT_GT(ScatterOfEdges({&outline})[0].noise, 0.5);
+  outline.pixel_noise = 0.1;
+  EXPECT_LT(ScatterOfEdges({&outline})[0].noise, 0.35);
+}
+
+TEST(MarkStick, MarksABandAlongTheWandBesideTheSphere) {
+  ThreeSpheres three(-100);
+  OutlinePixels pixels = three.pixels_[1];
+  MarkStick(three.wand_, 1, three.outlines_[1], &pixels);
+  const Eigen::Vector2d along =
+      (three.wand_.centres[2].centre_px - three.wand_.centres[0].centre_px).normalized();
+  std::array<int, 3> count{};
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const Eigen::Vector2d d(static_cast<double>(pixels.x[i]) - three.outlines_[1].centre_px.x(),
+                            static_cast<double>(pixels.y[i]) - three.outlines_[1].centre_px.y());
+    const uint8_t side = pixels.stick_side[i];
+    ++count[side];
+    if (side == 0) continue;
+    EXPECT_EQ(side == 2, d.dot(along) > 0);
+    EXPECT_GT(d.norm(), 0.7 * kRadius);
+    EXPECT_LT(std::abs(d.x() * along.y() - d.y() * along.x()), 0.25 * kRadius + 1.1);
+  }
+  EXPECT_GT(count[1], 5);
+  EXPECT_GT(count[2], 5);
+  EXPECT_GT(count[0], 5 * (count[1] + count[2]));
+}
+
+// A stick that is darker than what is behind it, beside the outer spheres, moves the fit of an
+// outline that knows nothing of it, and tells the covariance.
+TEST(SetOutlinedCentres, AStickMovesASphereLessThanItsCovarianceSays) {
+  ThreeSpheres without(-100), with(-100);
+  for (size_t k = 0; k < 3; ++k) {
+    OutlinePixels& pixels = with.pixels_[k];
+    const Eigen::Vector2d centre = with.outlines_[k].centre_px;
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      const double ahead = static_cast<double>(pixels.x[i]) - centre.x();
+      const double across = static_cast<double>(pixels.y[i]) - centre.y();
+      const double outside = std::clamp(std::hypot(ahead, across) - kRadius + 0.5, 0.0, 1.0);
+      if (ahead > 0 && std::abs(across) < 0.2 * kRadius) {
+        pixels.coverage[i] += static_cast<float>(0.35 * outside);
+      }
+    }
+    ASSERT_TRUE(with.fitter_.Fit(pixels, 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
+                                 &with.outlines_[k]));
+  }
+  without.SetCentres();
+  with.SetCentres();
+  for (size_t k = 0; k < 3; ++k) {
+    const MarkerCentre& moved = with.wand_.centres[k];
+    const Eigen::Vector2d error = moved.centre_px - without.wand_.centres[k].centre_px;
+    EXPECT_LT(error.norm(), 3 * std::sqrt(moved.covariance_px2(0, 0))) << k;
+    EXPECT_GT(moved.covariance_px2(0, 0), 1.3 * without.wand_.centres[k].covariance_px2(0, 0)) << k;
+    EXPECT_LT(moved.covariance_px2(1, 1), moved.covariance_px2(0, 0)) << k;
+  }
 }
 
 TEST(OutlineSectors, OneThatIsFarAwayAndOneBeforeASaturatedBackgroundCountLess) {

@@ -33,5 +33,17 @@ TEST(LightTimeSigma, IsWhatThePhaseLeavesOpen) {
   EXPECT_EQ(LightTimeSigma(0.005, target), 0);
 }
 
+TEST(ShortLightTimeSigma, IsThatOfExposuresShorterThanABlink) {
+  Target target;
+  target.blink_hz = {500};
+  EXPECT_EQ(ShortLightTimeSigma(0, target), 0);
+  EXPECT_EQ(ShortLightTimeSigma(0.001, target), LightTimeSigma(0.001, target));
+  EXPECT_GT(ShortLightTimeSigma(0.001, target), 1e-4);
+  EXPECT_LT(ShortLightTimeSigma(0.001, target), 5e-4);
+  EXPECT_EQ(ShortLightTimeSigma(0.004, target), 0);
+  Target silent;
+  EXPECT_EQ(ShortLightTimeSigma(0.001, silent), ShortLightTimeSigma(0.001, target));
+}
+
 }  // namespace
 }  // namespace rigcal::agent::image_exposure_test

@@ -10,6 +10,7 @@ namespace {
 constexpr double kBrightnessSigma = 0.2, kDarkBrightnessSigma = 0.4;  // of its logarithm
 constexpr double kColourSigma = 0.12;                                 // rad
 constexpr double kSkewness = 0.012;
+constexpr double kSamePlace = 0.8;  // of a radius
 
 }  // namespace
 
@@ -67,6 +68,19 @@ bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {
   return std::none_of(a.blobs.begin(), a.blobs.end(), [&](int blob) {
     return std::find(b.blobs.begin(), b.blobs.end(), blob) != b.blobs.end();
   });
+}
+
+bool SamePlaces(const VerifiedWand& a, const VerifiedWand& b) {
+  const size_t count = a.centres.size();
+  const auto same = [&](bool flipped) {
+    for (size_t k = 0; k < count; ++k) {
+      const MarkerCentre &one = a.centres[k], &other = b.centres[flipped ? count - 1 - k : k];
+      const double reach_px = kSamePlace * std::max(one.radius_px, other.radius_px);
+      if (!((one.centre_px - other.centre_px).norm() < reach_px)) return false;
+    }
+    return true;
+  };
+  return count == b.centres.size() && (same(false) || same(true));
 }
 
 bool SameWholes(const VerifiedWand& a, const VerifiedWand& b) {

@@ -39,6 +39,9 @@ double MeanBrightness(const VerifiedWand& wand);  // grey levels, over all chann
 
 // No blob in common.
 bool Disjoint(const VerifiedWand& a, const VerifiedWand& b);
+// The markers are in the same places, in whatever order: the same wand of other pieces of its
+// image.
+bool SamePlaces(const VerifiedWand& a, const VerifiedWand& b);
 // The same markers are seen whole, of another part of the hidden one.
 bool SameWholes(const VerifiedWand& a, const VerifiedWand& b);
 

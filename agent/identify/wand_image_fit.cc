@@ -25,69 +25,71 @@ class TiltSearch {
     width_ = chord_.norm();
     along_ = chord_ / width_;
     normal_ = sights.front().ray.cross(sights.back().ray).normalized();
+    distances_m_.resize(sights.size());
+    for (size_t k = 0; k < sights.size(); ++k) {
+      const MarkerSight& sight = sights[k];
+      // The ends' own errors move the line that the others are compared with.
+      variance_px2_.push_back(Square(sight.sigma_px) +
+                              Square((1 - shares[k]) * sights.front().sigma_px) +
+                              Square(shares[k] * sights.back().sigma_px));
+      across_.push_back(Square(sight.ray.dot(normal_)));
+      radius_weight_.push_back(1 / Square(sight.radius_sigma_px));
+      radius_weights_ += radius_weight_.back();
+    }
   }
 
   bool usable() const { return width_ > 1e-9 && width_ < 1.9; }
 
-  // The ends lie at an angle `tilt` to the plane across the line of sight.
-  double Cost(double tilt, WandImageFit* fit) const {
-    const double half = std::clamp(0.5 * width_ * std::tan(tilt), -0.95, 0.95);
+  // The ends lie at an angle of tangent `slope` to the plane across the line of sight.
+  double Cost(double slope, WandImageFit* fit) {
+    const double half = std::clamp(0.5 * width_ * slope, -0.95, 0.95);
     const double near = 1 - half, far = 1 + half;  // distances of the ends, of their mean
     const Eigen::Vector3d line = far * sights_.back().ray - near * sights_.front().ray;
     const double mean_m = length_m_ / line.norm();
     const Eigen::Vector3d first = mean_m * near * sights_.front().ray;
     const Eigen::Vector3d last = mean_m * far * sights_.back().ray;
-    if (fit != nullptr) *fit = {0, first, last, tilt};
+    if (fit != nullptr) *fit = {0, first, last, 0};
     if (!(mean_m * std::min(near, far) >= options_.min_distance_m) ||
         !(mean_m * std::max(near, far) <= options_.max_distance_m)) {
       return std::numeric_limits<double>::infinity();
     }
     const Eigen::Vector3d span = last - first;
-    double cost = 0, across = 0;
-    absl::InlinedVector<double, 4> distances_m(sights_.size());
-    for (size_t k = 0; k < sights_.size(); ++k) {
+    const size_t end = sights_.size() - 1;
+    distances_m_[0] = mean_m * near;
+    distances_m_[end] = mean_m * far;
+    double cost = 0;
+    for (size_t k = 1; k < end; ++k) {
       const MarkerSight& sight = sights_[k];
       const Eigen::Vector3d x = first + shares_[k] * span;
-      distances_m[k] = x.norm();
-      if (k == 0 || k + 1 == sights_.size()) continue;
-      const Eigen::Vector3d ray = x / distances_m[k];
-      const double play_px = options_.span_sigma_m / distances_m[k] * sight.scale_px;
-      // The ends' own errors move the line that the others are compared with.
-      const double sigma_px =
-          std::hypot(sight.sigma_px, std::hypot((1 - shares_[k]) * sights_.front().sigma_px,
-                                                shares_[k] * sights_.back().sigma_px));
-      const double scale2 = Square(sight.scale_px) / (Square(sigma_px) + Square(play_px));
-      cost += Square((sight.ray - ray).dot(along_)) * scale2;
-      across += Square(sight.ray.dot(normal_)) * scale2;
+      distances_m_[k] = x.norm();
+      const double play_px = options_.span_sigma_m / distances_m_[k] * sight.scale_px;
+      const double beside = sight.ray.dot(along_) - x.dot(along_) / distances_m_[k];
+      cost += (Square(beside) + across_[k]) * Square(sight.scale_px) /
+              (variance_px2_[k] + Square(play_px));
     }
-    return cost + across + RadiusCost(distances_m);
+    return cost + RadiusCost();
   }
 
  private:
-  double RadiusCost(const absl::InlinedVector<double, 4>& distances_m) const {
+  double RadiusCost() const {
     double factor = 0.5 * options_.diameter_m;
     if (!(factor > 0)) {
-      double weights = 0;
       for (size_t k = 0; k < sights_.size(); ++k) {
-        const double w = 1 / Square(sights_[k].radius_sigma_px);
-        factor += w * sights_[k].radius_px * distances_m[k] / sights_[k].scale_px;
-        weights += w;
+        factor += radius_weight_[k] * sights_[k].radius_px * distances_m_[k] / sights_[k].scale_px;
       }
-      factor /= weights;
+      factor /= radius_weights_;
     }
-    double sum = 0, weights = 0, squares = 0;
+    double sum = 0, squares = 0;
     for (size_t k = 0; k < sights_.size(); ++k) {
-      const double expected = factor * sights_[k].scale_px / distances_m[k];
+      const double expected = factor * sights_[k].scale_px / distances_m_[k];
       const double residual = sights_[k].radius_px - expected;
-      const double w = 1 / Square(sights_[k].radius_sigma_px);
-      sum += w * residual;
-      squares += w * residual * residual;
-      weights += w;
+      sum += radius_weight_[k] * residual;
+      squares += radius_weight_[k] * residual * residual;
     }
-    const double mean = sum / weights;
-    double cost = squares - weights * mean * mean;
+    const double mean = sum / radius_weights_;
+    double cost = squares - radius_weights_ * mean * mean;
     if (options_.diameter_m > 0) {
-      cost += Square(mean - kRadiusBiasPx) / (Square(kRadiusBiasSigmaPx) + 1 / weights);
+      cost += Square(mean - kRadiusBiasPx) / (Square(kRadiusBiasSigmaPx) + 1 / radius_weights_);
     }
     return cost;
   }
@@ -98,32 +100,39 @@ class TiltSearch {
   const WandImageFitOptions& options_;
   Eigen::Vector3d chord_, along_, normal_;
   double width_ = 0;
+  // By marker: of its place, squared distance from the line, of its radius.
+  absl::InlinedVector<double, 4> variance_px2_, across_, radius_weight_, distances_m_;
+  double radius_weights_ = 0;
 };
 
 }  // namespace
 
 bool FitWand(absl::Span<const MarkerSight> sights, absl::Span<const double> shares, double length_m,
              const WandImageFitOptions& options, WandImageFit* fit) {
-  const TiltSearch search(sights, shares, length_m, options);
+  TiltSearch search(sights, shares, length_m, options);
   if (!search.usable()) return false;
   double best = std::numeric_limits<double>::infinity(), best_tilt = 0;
-  const auto attempt = [&](double tilt) {
-    const double cost = search.Cost(tilt, nullptr);
+  const auto attempt = [&](double tilt, double slope) {
+    const double cost = search.Cost(slope, nullptr);
     if (cost < best) best = cost, best_tilt = tilt;
   };
   const double step = 2 * options.max_tilt_rad / (kTilts - 1);
-  for (int i = 0; i < kTilts; ++i) {
-    attempt(-options.max_tilt_rad + i * step);
+  attempt(0, 0);
+  for (int i = 1; i <= kTilts / 2; ++i) {
+    const double tilt = i * step, slope = std::tan(tilt);
+    attempt(tilt, slope);
+    attempt(-tilt, -slope);
   }
   if (!std::isfinite(best)) return false;
   double width = 0.5 * step;
   for (int i = 0; i < kRefinements; ++i, width *= 0.6) {
     for (const double tilt : {best_tilt - width, best_tilt + width}) {
-      if (std::abs(tilt) <= options.max_tilt_rad) attempt(tilt);
+      if (std::abs(tilt) <= options.max_tilt_rad) attempt(tilt, std::tan(tilt));
     }
   }
-  search.Cost(best_tilt, fit);
+  search.Cost(std::tan(best_tilt), fit);
   fit->cost = best;
+  fit->tilt_rad = best_tilt;
   return true;
 }
 

@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <utility>
 
 #include "agent/detect/blobs/blob_contrast.h"
 #include "agent/identify/outlined_centres.h"
+#include "agent/identify/overlapping_markers.h"
 #include "agent/identify/partial_wands.h"
 
 namespace rigcal::agent {
@@ -18,13 +21,17 @@ constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.15, kFewTried = 20;
 constexpr double kResolvedPx = 5.5, kUnresolvedCost = 2.7;  // per pixel of the radius
-constexpr double kTiltCost = 4;                             // of the logarithm of its cosine
+constexpr double kWhiteCost = 6, kWhiteGrey = 240;
+constexpr double kTiltCost = 4;      // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
+constexpr double kMostHidden = 0.2;  // of a marker, by others of the wand
 constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
                  kPartialChance = 0.5;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
+constexpr double kKnownPlace = 0.5;                 // of a radius
+constexpr double kOwnPlacePx = 1, kOwnPlace = 0.6;  // of a marker's centre, by its blob's radius
 // Of outlines.
 constexpr double kWorthALook = 0.1;      // confidence
 constexpr double kWorthRestoring = 16;   // cost of pose and likeness
@@ -33,11 +40,16 @@ constexpr double kMostOffOutline = 0.15;
 constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
 constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
 constexpr int kNearRounds = 2;
-constexpr double kWorkOfFit = 1000;  // in the pixels that a measurement reads
+// What the other spheres say of one.
+constexpr double kOtherRadiusPx = 0.1, kOtherRadiusShare = 0.03, kOtherStretch = 0.03,
+                 kOtherEdgePx2 = 0.3;
+constexpr double kByOthersCost = 1.5;  // its own size says nothing then
+constexpr double kWorkOfFit = 500;     // in the pixels that a measurement reads
 constexpr size_t kMaxOutlined = 6;
 constexpr double kNoOutlineCost = 9, kLargeNoOutlineCost = 3;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
 constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
+constexpr double kExcused = 0.75;  // of lopsidedness
 constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostMisfit = 2.5;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
@@ -50,6 +62,25 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
   return !blob.touches_border && !centre.cut && centre.alike < kMostAlike &&
          centre.skewness < 0.02 + 4 * centre.skewness_sigma &&
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
+}
+
+// Or else something beside it was measured.
+bool IsInBlob(const Eigen::Vector2d& centre_px, const Blob& blob) {
+  const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
+  return (centre_px - blob.centre_px).norm() < kOwnPlacePx + kOwnPlace * radius_px;
+}
+
+bool IsOnOutline(const std::optional<SphereOutline>& outline) {
+  return outline && outline->on_outline >= kLeastOnOutline &&
+         outline->off_outline <= kMostOffOutline &&
+         outline->stretch.norm() <= kMostStretch + kMostStretchPx / outline->radius_px;
+}
+
+// None of the markers has a colour.
+bool IsWhite(const VerifiedWand& wand) {
+  return std::ranges::all_of(wand.centres, [](const MarkerCentre& centre) {
+    return !(centre.contrast_grey > 0) || centre.plateau_grey.minCoeff() >= kWhiteGrey;
+  });
 }
 
 // Two small spheres look like any two small things, such as labels on books.
@@ -93,8 +124,9 @@ const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
   Measured& measured = measured_[measured_count_++];
   measured.blob_px = seen.centre_px;
   measured.blob_area_px = seen.area_px;
-  measured.tried = false;
+  measured.tried = measured.retried = measured.by_others = false;
   measured.outline.reset();
+  measured.beside.reset();
   measured.good = meter_.Measure(image, seen, &measured.centre) &&
                   measured.centre.contrast_grey >= kMinContrastGrey;
   if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
@@ -104,30 +136,33 @@ const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
 // Something behind a marker moves and skews its centroid, but not its outline.
 void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
                            VerifiedWand* wand) {
-  int lost = 0;
-  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+  const auto restore = [&](size_t k, const std::optional<SphereOutline>& outline) {
+    if (!IsOnOutline(outline) ||
+        !IsInBlob(outline->centre_px, blobs[static_cast<size_t>(wand->blobs[k])])) {
+      return false;
+    }
     MarkerCentre& centre = wand->centres[k];
-    if (wand->whole[k]) continue;
-    // With two that are not whole it is no wand.
-    if (lost > 1) return;
-    ++lost;
-    if (!(centre.contrast_grey > 0) || centre.cut || centre.alike >= kMostAlike ||
-        blobs[static_cast<size_t>(wand->blobs[k])].touches_border) {
-      continue;
-    }
-    const auto& outline = OutlineOf(image, wand->blobs[k]);
-    if (!outline || outline->on_outline < kLeastOnOutline ||
-        outline->off_outline > kMostOffOutline ||
-        outline->stretch.norm() > kMostStretch + kMostStretchPx / outline->radius_px) {
-      continue;
-    }
-    --lost;
     wand->whole[k] = wand->outlined[k] = true;
     centre.centre_px = outline->centre_px;
     centre.radius_px = outline->radius_px;
     centre.covariance_px2 = std::max(1.0, Squared(outline->residual)) * outline->covariance_px2;
     centre.skewness = 0;
+    return true;
+  };
+  absl::InlinedVector<size_t, 3> lost, to_retry;
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    const MarkerCentre& centre = wand->centres[k];
+    if (wand->whole[k]) continue;
+    const bool may_be = centre.contrast_grey > 0 && !centre.cut &&
+                        HiddenShare(*wand, k) < kMostHidden && centre.alike < kMostAlike &&
+                        !blobs[static_cast<size_t>(wand->blobs[k])].touches_border;
+    if (may_be && restore(k, OutlineOf(image, wand->blobs[k]))) continue;
+    lost.push_back(k);
+    if (may_be) to_retry.push_back(k);
+    // With two that are not whole it is no wand.
+    if (lost.size() > 1) return;
   }
+  for (const size_t k : to_retry) restore(k, OutlineIn(image, *wand, k));
 }
 
 std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
@@ -145,13 +180,21 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       continue;
     }
     const Measured* const measured = Measure(image, blobs, index);
-    if (measured == nullptr || !measured->good || measured->centre.alike >= kMostAlike) {
-      return std::nullopt;
-    }
+    if (measured == nullptr || !measured->good) return std::nullopt;
     wand.centres.push_back(measured->centre);
+    // Another sphere of the wand looks like it.
+    const Blob& blob = blobs[static_cast<size_t>(index)];
+    for (const int other : candidate.blobs) {
+      if (other == index) continue;
+      const Blob& its = blobs[static_cast<size_t>(other)];
+      const double share = OverlapShare(blob, its);
+      if (!(share > 0)) continue;
+      wand.centres[k].alike -= share;
+      OfBlob(index).beside = its;
+    }
+    if (wand.centres[k].alike >= kMostAlike) return std::nullopt;
     // With something else near its outline decides.
-    wand.whole.push_back(!measured->centre.has_neighbour &&
-                         IsWhole(blobs[static_cast<size_t>(index)], measured->centre));
+    wand.whole.push_back(!measured->centre.has_neighbour && IsWhole(blob, wand.centres[k]));
   }
   const int count = static_cast<int>(wand.blobs.size());
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
@@ -178,6 +221,8 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     }
   }
   if (occluded > 0 && in_room_) wand.cost += UnresolvedCost(wand);
+  // So does much in a lit room: lamps, slats and what is seen between them.
+  if (in_room_ && IsWhite(wand)) wand.cost += kWhiteCost;
   // Without the third the other two must be the more alike. Fewer such sets fit by chance than of
   // three things that are measured.
   if (candidate.partial >= 0) {
@@ -226,6 +271,22 @@ bool WandVerifier::FitPose(const WandFinder& finder, int partial, VerifiedWand* 
   return true;
 }
 
+// Other pieces of the image of a wand that was measured already.
+bool WandVerifier::IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const {
+  return std::ranges::any_of(evaluated_, [&](const VerifiedWand& wand) {
+    if (wand.OccludedCount() > 0 || ConfidenceOf(wand.cost) < min_confidence_) return false;
+    if (SameBlobs(wand.blobs, candidate.blobs)) return false;  // its labels may be others
+    for (size_t k = 0; k < candidate.blobs.size(); ++k) {
+      const Blob& blob = blobs[static_cast<size_t>(candidate.blobs[k])];
+      const MarkerCentre& centre = wand.centres[k];
+      if (!((blob.centre_px - centre.centre_px).norm() < kKnownPlace * centre.radius_px)) {
+        return false;
+      }
+    }
+    return true;
+  });
+}
+
 Verdict WandVerifier::Choose() {
   Verdict verdict;
   if (evaluated_.empty()) return verdict;
@@ -235,7 +296,7 @@ Verdict WandVerifier::Choose() {
   for (size_t i = 1; i < evaluated_.size(); ++i) {
     const VerifiedWand &now = evaluated_[best], &other = evaluated_[i];
     if (other.confidence < min_confidence_ || SameBlobs(now.blobs, other.blobs)) continue;
-    if (SameWholes(now, other)) continue;
+    if (SameWholes(now, other) || SamePlaces(now, other)) continue;
     if (Disjoint(now, other)) {
       const double ratio = MeanBrightness(other) / MeanBrightness(now);
       if (ratio > kBrighter) best = i;
@@ -271,7 +332,7 @@ const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& ima
   measured.tried = true;
   const MarkerCentre& centre = measured.centre;
   SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
-  if (!centre.has_neighbour) {
+  if (!centre.has_neighbour && !measured.beside) {
     if (fitter_.Fit(measured.pixels, centre.second_moment_px2, {}, &outline)) {
       measured.outline = outline;
     }
@@ -283,6 +344,7 @@ const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& ima
   around.second_moment_px2 = centre.second_moment_px2;
   for (int round = 0; round < kNearRounds; ++round) {
     if (!meter_.CollectNear(image, around, centre, &measured.pixels)) return measured.outline;
+    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &measured.pixels);
     outline.parameters.setZero();
     if (!fitter_.Fit(measured.pixels, around.second_moment_px2, {}, &outline)) {
       return measured.outline;
@@ -295,6 +357,72 @@ const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& ima
   return measured.outline;
 }
 
+bool WandVerifier::ExpectFromOthers(const ImageView& image, const VerifiedWand& wand, size_t marker,
+                                    OutlineExpectation* expected,
+                                    Eigen::Matrix2d* second_moment_px2) {
+  if (wand.px_per_m.size() != wand.blobs.size()) return false;
+  *expected = OutlineExpectation();
+  second_moment_px2->setZero();
+  int count = 0;
+  for (size_t k = 0; k < wand.blobs.size(); ++k) {
+    if (k == marker || !wand.whole[k]) continue;
+    const auto& outline = OutlineOf(image, wand.blobs[k]);
+    if (!IsOnOutline(outline)) continue;
+    const double scale = wand.px_per_m[marker] / wand.px_per_m[k];
+    expected->radius_px += scale * outline->radius_px;
+    expected->stretch += outline->stretch;
+    expected->edge_px2 += Squared(outline->edge_px);
+    *second_moment_px2 += Squared(scale) * outline->SecondMoment();
+    ++count;
+  }
+  if (count == 0 || count + 1 < static_cast<int>(wand.blobs.size())) return false;
+  expected->radius_px /= count;
+  expected->stretch /= count;
+  expected->edge_px2 /= count;
+  *second_moment_px2 /= count;
+  expected->radius_sigma_px = kOtherRadiusPx + kOtherRadiusShare * expected->radius_px;
+  expected->stretch_sigma = kOtherStretch;
+  expected->edge_sigma_px2 = kOtherEdgePx2;
+  return true;
+}
+
+const std::optional<SphereOutline>& WandVerifier::OutlineIn(const ImageView& image,
+                                                            const VerifiedWand& wand,
+                                                            size_t marker) {
+  const auto& outline = OutlineOf(image, wand.blobs[marker]);
+  Measured& measured = OfBlob(wand.blobs[marker]);
+  const MarkerCentre& centre = measured.centre;
+  OutlineExpectation expected;
+  Blob around;
+  if (IsOnOutline(outline) || measured.retried || !measured.tried ||
+      !ExpectFromOthers(image, wand, marker, &expected, &around.second_moment_px2)) {
+    return outline;
+  }
+  if (kWorkOfFit * kNearRounds > work_) {
+    out_of_work_ = true;
+    return outline;
+  }
+  work_ -= kWorkOfFit * kNearRounds;
+  measured.retried = true;
+  around.centre_px = centre.centre_px;
+  SphereOutline again{.centre_px = centre.centre_px, .radius_px = expected.radius_px};
+  for (int round = 0; round < kNearRounds; ++round) {
+    again.parameters.setZero();
+    if (!meter_.CollectNear(image, around, centre, &retry_)) return outline;
+    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &retry_);
+    if (!fitter_.Fit(retry_, around.second_moment_px2, {}, &again, expected)) {
+      return outline;
+    }
+    around.centre_px = again.centre_px;
+    around.second_moment_px2 = again.SecondMoment();
+  }
+  if (!IsOnOutline(again)) return outline;
+  measured.outline = again;
+  measured.by_others = true;
+  std::swap(measured.pixels, retry_);
+  return measured.outline;
+}
+
 // The cost of shapes that are not those of spheres: of the outlines' fits, and of ellipses that
 // differ within the wand. Motion stretches all spheres alike.
 double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand) {
@@ -304,12 +432,13 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     if (!wand.whole[k]) continue;
     const MarkerCentre& centre = wand.centres[k];
-    const auto& outline = OutlineOf(image, wand.blobs[k]);
+    const auto& outline = OutlineIn(image, wand, k);
     if (!outline) {
       // A notch, by the stick in front of it, is enough that none can be fitted to a large one.
       cost += centre.radius_px > kResolvedPx ? kLargeNoOutlineCost : kNoOutlineCost;
       continue;
     }
+    if (OfBlob(wand.blobs[k]).by_others) cost += kByOthersCost;
     const double noise = centre.noise_grey / centre.contrast_grey;
     const double residual = outline->residual * std::hypot(noise, kMeterNoise);
     const double misfit =
@@ -318,6 +447,8 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
     const bool is_round =
         outline->on_outline > kMostlyOnOutline && outline->off_outline < kHardlyOffOutline;
     cost += is_round ? std::min(misfit, kMostMisfit) : misfit;
+    // It takes a piece out of the image, which is lopsided then, but leaves the outline.
+    if (is_round) cost -= kExcused * Lopsidedness(centre);
     cost += Squared(outline->off_outline / kOffOutlineSigma);
     const double sigma = kStretchSigma + kStretchSigmaPx / outline->radius_px;
     const double weight = 1 / Squared(sigma);
@@ -359,6 +490,10 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   double best = kHalfCost;
   for (const WandCandidate& candidate : candidates) {
     if (candidate.cost > best + kClearlyWorse) break;
+    if (IsKnown(candidate, blobs)) {
+      count += out_of_work_ ? 0 : 1;
+      continue;
+    }
     auto wand = EvaluateOne(image, blobs, finder, candidate);
     if (!out_of_work_) ++count;
     if (!wand.has_value()) continue;
@@ -379,7 +514,6 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   verdict.measured = count;
   verdict.left_out = out_of_work_;
   *work = work_;
-  if (verdict.wand) FitOutlines(image, &*verdict.wand);
   return verdict;
 }
 

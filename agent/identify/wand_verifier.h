@@ -36,9 +36,11 @@ class WandVerifier {
   // `tried`: sets of blobs of this image that were compared with the wand; the more, the better a
   // wand must be. `in_room`: of a lit room, in which much is as large as a small sphere. `work`:
   // pixels that may be read (MarkerMeter::WorkOf), less those that were; what would take more is
-  // left out.
+  // left out. The wand's centres are those of a first look, for FitOutlines.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
                  absl::Span<const WandCandidate> candidates, int tried, bool in_room, double* work);
+  // Centres of the outlines of the last Verify's wand where those can be fitted.
+  void FitOutlines(const ImageView& image, VerifiedWand* wand);
 
  private:
   struct Measured {
@@ -47,8 +49,10 @@ class WandVerifier {
     bool good = false;
     MarkerCentre centre;
     OutlinePixels pixels;
-    bool tried = false;                    // to fit
+    bool tried = false, retried = false;   // to fit
+    bool by_others = false;                // with what they say of it
     std::optional<SphereOutline> outline;  // shaded
+    std::optional<Blob> beside;            // another marker that it overlaps with
   };
   Measured& OfBlob(int blob) {
     return measured_[static_cast<size_t>(measured_of_[static_cast<size_t>(blob)])];
@@ -56,15 +60,19 @@ class WandVerifier {
   const Measured* Measure(const ImageView& image, absl::Span<const Blob> blobs, int blob);
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
+  bool IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const;
   Verdict Choose();
   const std::optional<SphereOutline>& OutlineOf(const ImageView& image, int blob);
+  // The same of a marker of a wand, whose others say how large and how blurred it is where it
+  // cannot be told from what is around it.
+  const std::optional<SphereOutline>& OutlineIn(const ImageView& image, const VerifiedWand& wand,
+                                                size_t marker);
+  bool ExpectFromOthers(const ImageView& image, const VerifiedWand& wand, size_t marker,
+                        OutlineExpectation* expected, Eigen::Matrix2d* second_moment_px2);
   static bool FitPose(const WandFinder& finder, int partial, VerifiedWand* wand);
   // Takes markers for whole by their outlines.
   void Restore(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand);
   double ShapeCost(const ImageView& image, const VerifiedWand& wand);
-  // Centres of the outlines where those can be fitted.
-  void FitOutlines(const ImageView& image, VerifiedWand* wand);
-
   double ConfidenceOf(double cost) const;
 
   double min_confidence_;
@@ -72,6 +80,7 @@ class WandVerifier {
   bool in_room_ = false;
   MarkerMeter meter_;
   SphereOutlineFitter fitter_;
+  OutlinePixels retry_;
   std::vector<Measured> measured_;  // the first measured_count_ are of this image
   size_t measured_count_ = 0;
   std::vector<int> measured_of_;  // by blob of this Verify: index into measured_; -1: none

@@ -2,7 +2,9 @@
 #include "agent/detect/blobs/blob_contrast.h"
 
 #include <Eigen/Eigenvalues>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
 
 namespace rigcal::agent {
@@ -12,6 +14,17 @@ constexpr int kDirections = 16;
 constexpr int kEnough = 11;          // of them; a neighbour or a lamp may hide some
 constexpr double kBeyondPx = 2.5;    // the blob's edge
 constexpr double kCoreShare = 0.45;  // of the way to the edge
+
+// Unit vectors; every fourth is along an axis.
+struct Directions {
+  std::array<Eigen::Vector2d, kDirections> unit;
+  Directions() {
+    for (size_t i = 0; i < unit.size(); ++i) {
+      const double angle = 2 * std::numbers::pi * static_cast<double>(i) / kDirections;
+      unit[i] = {std::cos(angle), std::sin(angle)};
+    }
+  }
+};
 
 bool Read(const ImageView& image, const Eigen::Vector2d& at, Eigen::Vector3f* grey) {
   const int x = static_cast<int>(std::lround(at.x())), y = static_cast<int>(std::lround(at.y()));
@@ -28,15 +41,16 @@ bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_co
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
   eigen.computeDirect(blob.second_moment_px2);
   const Eigen::Vector2d semi = (4 * eigen.eigenvalues()).cwiseMax(0.25).cwiseSqrt();
-  const auto at = [&](double angle, double share, double beyond_px) {
-    const Eigen::Vector2d unit(std::cos(angle), std::sin(angle));
+  static const Directions kUnits;
+  const auto at = [&](int direction, double share, double beyond_px) {
+    const Eigen::Vector2d& unit = kUnits.unit[static_cast<size_t>(direction)];
     const Eigen::Vector2d along = (share * semi.array() + beyond_px) * unit.array();
     return Eigen::Vector2d(blob.centre_px + eigen.eigenvectors() * along);
   };
   Eigen::Vector3f core = Eigen::Vector3f::Zero(), grey;
   int count = 0;
   for (int i = 0; i < 4; ++i) {
-    if (!Read(image, at(0.5 * std::numbers::pi * i, kCoreShare, 0), &grey)) continue;
+    if (!Read(image, at(kDirections / 4 * i, kCoreShare, 0), &grey)) continue;
     core += grey;
     ++count;
   }
@@ -44,8 +58,7 @@ bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_co
   core /= static_cast<float>(count);
   int different = 0;
   for (int i = 0; i < kDirections; ++i) {
-    const double angle = 2 * std::numbers::pi * i / kDirections;
-    if (!Read(image, at(angle, 1, kBeyondPx), &grey)) {
+    if (!Read(image, at(i, 1, kBeyondPx), &grey)) {
       ++different;  // what is outside says nothing against it
       continue;
     }

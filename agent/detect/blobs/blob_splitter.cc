@@ -15,6 +15,8 @@ constexpr int kMaxBoxPx = 1 << 20;
 constexpr double kLowLevel = 0.6, kHighLevel = 0.82;  // of the brightest pixels
 constexpr int kBrightest = 6;  // that many pixels are at least as bright: one may be noise
 constexpr size_t kMaxParts = 32;
+constexpr int kClipped = 250;
+constexpr int kMuchSmaller = 3;
 
 }  // namespace
 
@@ -26,8 +28,8 @@ bool IsRound(const Blob& blob) {
          blob.area_px > 0.9 * 4 * std::numbers::pi * std::sqrt(determinant);
 }
 
-// The largest channels of the box, row by row.
-void BlobSplitter::ReadValues(const ImageView& image, const PixelRect& box) {
+// The largest channels of the box, or the means of all, row by row.
+void BlobSplitter::ReadValues(const ImageView& image, const PixelRect& box, bool means) {
   box_ = box;
   const auto width = static_cast<size_t>(box.width);
   value_.resize(width * static_cast<size_t>(box.height));
@@ -36,6 +38,12 @@ void BlobSplitter::ReadValues(const ImageView& image, const PixelRect& box) {
     const uint8_t* pixel = image.Row(y) + box.x * BytesPerPixel(image.format);
     if (image.format == PixelFormat::kMono8) {
       std::copy_n(pixel, width, out);
+      continue;
+    }
+    if (means) {
+      for (size_t x = 0; x < width; ++x, pixel += 3) {
+        out[x] = static_cast<uint8_t>((pixel[0] + pixel[1] + pixel[2]) / 3);
+      }
       continue;
     }
     for (size_t x = 0; x < width; ++x, pixel += 3) {
@@ -86,8 +94,13 @@ const std::vector<Blob>& BlobSplitter::Split(const ImageView& image, const Blob&
     parts_.push_back(blob);
     return parts_;
   }
-  ReadValues(image, blob.box);
-  const int bright = BrightValue();
+  ReadValues(image, blob.box, false);
+  int bright = BrightValue();
+  // Clipping hides which is brighter, but in the other channels.
+  if (bright >= kClipped && image.format == PixelFormat::kBgr8) {
+    ReadValues(image, blob.box, true);
+    bright = BrightValue();
+  }
   AddBright(image, blob.box, std::max(1, static_cast<int>(kLowLevel * bright)), min_area_px,
             &first_);
   for (const Blob& part : first_) {
@@ -97,7 +110,8 @@ const std::vector<Blob>& BlobSplitter::Split(const ImageView& image, const Blob&
                 &parts_);
     }
     // A part that the higher level only shrinks is better known as it was.
-    if (parts_.size() < before + 2) {
+    if (parts_.size() == before ||
+        (parts_.size() == before + 1 && kMuchSmaller * parts_[before].area_px > part.area_px)) {
       parts_.resize(before);
       parts_.push_back(part);
     }

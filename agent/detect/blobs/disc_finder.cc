@@ -15,6 +15,8 @@ constexpr int kMostInside = 6;  // of them; a stick through the disc takes two o
 constexpr double kCircleShare = 1.3, kCirclePx = 1;
 constexpr double kRimPx = 0.8;  // of the disc beyond the distance
 constexpr size_t kMaxDiscs = 48;
+// A hole that is filled: the end of a stick that points at the camera, in front of a sphere.
+constexpr int kHolePart = 8, kMostHolePx = 400;  // of the blob's area
 
 }  // namespace
 
@@ -91,6 +93,19 @@ bool DiscFinder::Cut(const ImageView& image, int x, int y, double radius_px, Blo
   return true;
 }
 
+void DiscFinder::FillHoles(int most_px) {
+  for (const ComponentSums& hole : holes_.Finish()) {
+    if (hole.area > most_px || hole.min_x <= box_.x || hole.min_y <= box_.y ||
+        hole.max_x >= box_.x + box_.width - 1 || hole.max_y >= box_.y + box_.height - 1) {
+      continue;
+    }
+    for (int y = hole.min_y; y <= hole.max_y; ++y) {
+      uint16_t* const row = &distance_[static_cast<size_t>((y - box_.y + 1) * stride_ + 1)];
+      for (int x = hole.min_x - box_.x; x <= hole.max_x - box_.x; ++x) row[x] = UINT16_MAX;
+    }
+  }
+}
+
 const std::vector<Blob>& DiscFinder::Find(const ImageView& image, const BlobFinder& finder,
                                           const Blob& blob, int min_area_px) {
   discs_.clear();
@@ -101,15 +116,31 @@ const std::vector<Blob>& DiscFinder::Find(const ImageView& image, const BlobFind
   const int first_word = box_.x / kMaskWordBits;
   const int word_count = (box_.x + box_.width - 1) / kMaskWordBits - first_word + 1;
   words_.resize(static_cast<size_t>(word_count));
+  holes_.Start(word_count);
+  const int last_column = box_.x + box_.width - 1;
+  const uint64_t first_bits = ~uint64_t{0} << (box_.x % kMaskWordBits);
+  const uint64_t last_bits = ~uint64_t{0} >> (kMaskWordBits - 1 - last_column % kMaskWordBits);
+  const auto add_holes = [&](int y) {
+    for (uint64_t& word : words_) word = ~word;
+    words_.front() &= first_bits;
+    words_.back() &= last_bits;
+    holes_.AddRow(box_.y + y, first_word * kMaskWordBits, words_.data(), word_count);
+  };
   for (int y = 0; y < box_.height; ++y) {
-    if (!finder.MaskRow(image, box_.y + y, first_word, word_count, words_.data())) continue;
+    if (!finder.MaskRow(image, box_.y + y, first_word, word_count, words_.data())) {
+      std::fill(words_.begin(), words_.end(), 0);
+      add_holes(y);
+      continue;
+    }
     uint16_t* const row = &distance_[static_cast<size_t>((y + 1) * stride_ + 1)];
     for (int x = 0; x < box_.width; ++x) {
       const int column = box_.x + x - first_word * kMaskWordBits;
       const uint64_t word = words_[static_cast<size_t>(column / kMaskWordBits)];
       row[x] = (word >> (column % kMaskWordBits) & 1) != 0 ? UINT16_MAX : 0;
     }
+    add_holes(y);
   }
+  FillHoles(std::min(blob.area_px / kHolePart, kMostHolePx));
   MeasureDistances();
   for (int y = 1; y <= box_.height; ++y) {
     const uint16_t* const row = &distance_[static_cast<size_t>(y * stride_)];

@@ -20,6 +20,8 @@ class DiscFinder {
                                 int min_area_px);
 
  private:
+  // Those of at most `most_px`.
+  void FillHoles(int most_px);
   void MeasureDistances();
   uint16_t At(int x, int y) const { return distance_[static_cast<size_t>(y * stride_ + x)]; }
   bool IsPeak(int x, int y) const;
@@ -30,6 +32,7 @@ class DiscFinder {
   int stride_ = 0;                  // of distance_: the box with a pixel of nothing around it
   std::vector<uint16_t> distance_;  // to the next pixel outside, in thirds of a pixel
   std::vector<uint64_t> words_;
+  RunLabeller holes_;  // of what is not in the mask
   std::vector<Blob> discs_;
 };
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "agent/detect/blobs/blob_contrast.h"
+#include "agent/detect/blobs/disc_pair.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -25,7 +26,11 @@ constexpr LevelRange kLevels[] = {{0, 1, true},           {0.2, 1, true},      {
                                   {0.2, 0.55, true, true}};
 constexpr double kPastSecondaryDeg = 3;
 constexpr int kLargeAreaPx = 800;
-constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
+constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
+constexpr int kMostPairs = 32;                        // of each level
+constexpr double kLong = 0.18;
+constexpr double kHalfDoubt = 3;  // few wands point at the camera, and many things are long
+constexpr int kPart = 4;          // a piece that much smaller is something in front of the other
 constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
 constexpr int kClipped = 250;
 
@@ -64,11 +69,7 @@ ColourRange WithClippedHues(ColourRange colour) {
 }
 
 double ShapeDoubt(const Blob& blob) {
-  const Eigen::Matrix2d second = blob.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;
-  const double half = 0.5 * second.trace();
-  const double root = std::sqrt(std::max(0.0, half * half - second.determinant()));
-  const double longer = std::sqrt((half + root) / std::max(1e-9, half - root)) - 1;
-  return std::min(kMostShapeDoubt, std::pow(longer / kLongerSigma, 2));
+  return std::min(kMostShapeDoubt, std::pow(Elongation(blob) / kLongerSigma, 2));
 }
 
 // A blob that a window inside the image may have cut.
@@ -103,6 +104,15 @@ absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options) 
   return finder;
 }
 
+bool HasOtherHalves(absl::Span<const Spot> spots, absl::Span<const int> chosen) {
+  return std::ranges::all_of(chosen, [&](int one) {
+    const Spot& spot = spots[static_cast<size_t>(one)];
+    return !spot.is_half || std::ranges::any_of(chosen, [&](int other) {
+      return other != one && spots[static_cast<size_t>(other)].pair == spot.pair;
+    });
+  });
+}
+
 void SpotFinder::SetIgnored(const PixelMask& ignored) {
   for (Level& level : levels_) {
     level.blobs.SetIgnored(ignored);
@@ -121,6 +131,7 @@ void SpotFinder::BeginImage() {
   masked_px_left_ = kMaxMaskedPx;
   split_px_left_ = kMaxSplitPx;
   runs_ = 0;
+  searches_ = looked_at_ = found_ = 0;
   dismissed_ = 0;
   looked_ = false;
 }
@@ -132,7 +143,8 @@ const BlobResult& SpotFinder::Look(const ImageView& image) {
 }
 
 double SpotFinder::EstimatedMs() const {
-  return 1e-6 * (30.0 * static_cast<double>(runs_) +
+  return 0.13 * searches_ +
+         1e-6 * (400.0 * looked_at_ + 850.0 * found_ + 30.0 * static_cast<double>(runs_) +
                  0.3 * static_cast<double>(kMaxMaskedPx - masked_px_left_) +
                  9.0 * static_cast<double>(kMaxSplitPx - split_px_left_));
 }
@@ -161,8 +173,9 @@ bool SpotFinder::HasColour(const ImageView& image, const Blob& blob) const {
   return passed >= (kLevels[level_].white ? kColouredOfNine : kPaleOfNine);
 }
 
-void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
+void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut, int pair) {
   Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
+  ++looked_at_;
   // A piece of a patch is held to the wand's colour too.
   float alike = 0;
   if (!StandsOut(image, blob, &spot.core, &alike) || !HasColour(image, blob)) return;
@@ -176,10 +189,35 @@ void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
     const double squared_px2 = (known.blob.centre_px - blob.centre_px).squaredNorm();
     if (squared_px2 * std::numbers::pi >= larger) continue;
     if (kPart * smaller < larger) continue;  // not the same thing
-    if (blob.area_px > known.blob.area_px) known = spot;
+    // Whether it is one sphere that moves or two is seen later.
+    if (pair >= 0 && Elongation(known.blob) > kLong) continue;
+    if (pair >= 0) {
+      known.pair = pair;
+    } else if (blob.area_px > known.blob.area_px) {
+      known = spot;
+    }
     return;
   }
+  spot.pair = pair;
+  spot.is_half = pair >= 0;
+  if (spot.is_half) spot.doubt += kHalfDoubt;
   spots_.push_back(spot);
+}
+
+// Two spheres of a wand that points at the camera overlap. The largest blobs first: small things
+// are many.
+void SpotFinder::KeepPairs(const ImageView& image, const PixelRect& part) {
+  std::stable_sort(pairs_.begin(), pairs_.end(),
+                   [](const Blob* a, const Blob* b) { return a->area_px > b->area_px; });
+  int tried = 0;
+  for (const Blob* const blob : pairs_) {
+    const auto discs = SplitPair(*blob);
+    if (!discs) continue;
+    for (const Blob& disc : *discs) {
+      Keep(image, disc, TouchesEdge(blob->box, part, image.Bounds()), tried);
+    }
+    if (++tried >= kMostPairs) return;
+  }
 }
 
 void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t level) {
@@ -189,14 +227,17 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
   const bool is_known = looked_ && level_ == 0 && part == image.Bounds();
   const BlobResult& found = is_known ? finder.result() : finder.Find(image, part);
   runs_ += found.run_count;
+  searches_ += found.row_count == image.height ? 1 : 0;
   const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
   // Those that a marker may be a part of, the smallest first.
   std::vector<const Blob*> patches;
+  pairs_.clear();
   for (const Blob& blob : found.blobs) {
     const bool round = IsRound(blob);
     if (round) Keep(image, blob, is_cut(blob));
     // Of a large round one too: a sphere in front of a warm lampshade.
     if (!round || blob.area_px >= kLargeAreaPx) patches.push_back(&blob);
+    if (blob.area_px >= kLeastPairPx && blob.area_px <= kMostPairPx) pairs_.push_back(&blob);
   }
   const auto box_px = [](const Blob& blob) { return int64_t{blob.box.width} * blob.box.height; };
   std::stable_sort(patches.begin(), patches.end(),
@@ -227,7 +268,9 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
       Keep(image, piece, is_cut(*blob));
     }
   }
+  KeepPairs(image, part);
   has_all_ = spots_.size() <= kMaxSpots;
+  found_ += static_cast<int>(std::min(spots_.size(), kMaxSpots));
   if (has_all_) return;
   std::stable_sort(spots_.begin(), spots_.end(), [](const Spot& a, const Spot& b) {
     const bool round_a = IsRound(a.blob), round_b = IsRound(b.blob);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "agent/detect/blobs/blob_finder.h"
 #include "agent/detect/blobs/blob_splitter.h"
 #include "agent/detect/blobs/disc_finder.h"
@@ -20,7 +21,14 @@ struct Spot {
   Eigen::Vector3f core;  // mean of its middle, by channel
   bool is_cut;           // the window may have cut it
   double doubt = 0;      // that it is a sphere, as a chi-squared
+  // Of a blob that may be two discs: which blob it is a half of, and whether it is a marker only
+  // together with the other half. -1: none.
+  int pair = -1;
+  bool is_half = false;
 };
+
+// Two discs of one blob are markers of a wand together or not at all.
+bool HasOtherHalves(absl::Span<const Spot> spots, absl::Span<const int> chosen);
 
 // Finds the spots of an image: round blobs, discs within larger patches and their pieces. In
 // several levels, ranges of the colour from wide to narrow and pale, which the caller chooses from:
@@ -69,7 +77,9 @@ class SpotFinder {
 
   explicit SpotFinder(const BlobFinderOptions& options);
   bool HasColour(const ImageView& image, const Blob& blob) const;
-  void Keep(const ImageView& image, const Blob& blob, bool is_cut);
+  // `pair`: one of two discs that this blob may be.
+  void Keep(const ImageView& image, const Blob& blob, bool is_cut, int pair = -1);
+  void KeepPairs(const ImageView& image, const PixelRect& part);
 
   std::vector<Level> levels_;
   size_t level_ = 0;
@@ -77,11 +87,14 @@ class SpotFinder {
   int main_channel_;  // of the wand's colour, in an image's pixel
   BlobSplitter splitter_;
   DiscFinder discs_;
+  std::vector<const Blob*> pairs_;  // what may be two spheres
   std::vector<Spot> spots_;
   bool has_all_ = true;
   bool looked_ = false;  // at this image
   int64_t masked_px_left_ = 0, split_px_left_ = 0;
-  int64_t runs_ = 0;  // of pixels, in all levels
+  // In all levels: runs of pixels, searches of the whole image, blobs that were looked at, spots.
+  int64_t runs_ = 0;
+  int searches_ = 0, looked_at_ = 0, found_ = 0;
   int dismissed_ = 0;
 };
 

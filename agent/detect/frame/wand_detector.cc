@@ -31,22 +31,25 @@ constexpr double kWorkOfPlaces = 12000;  // in pixels, where hidden markers may 
 constexpr double kPartialConfidence = 0.65;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
-constexpr int kMaxFits = 500;  // of wands to spots, 4 us each
+constexpr int kMaxFits = 500;  // of wands to spots, 2.5 us each
 constexpr int kFitsOfLevel = 300;
 constexpr int kMaxCandidates = 200;  // that are compared by their colour
 constexpr size_t kMaxMeasured = 30;  // of them
-constexpr double kMaxWork = 36000;   // of MarkerMeter::WorkOf, 50 ns each
-constexpr double kWorkOfLevel = 18000;
+constexpr double kMaxWork = 28000;   // of MarkerMeter::WorkOf, 110 ns each
+constexpr double kWorkOfLevel = 8000;
 // Of a level of a crowded picture: something is left for those that follow.
 constexpr int kFitsOfCrowded = 150;
-constexpr double kWorkOfCrowded = 6000;
-constexpr size_t kFewCandidates = 3;  // may take all of it: spheres near the camera are large
-constexpr double kWhiteRoom = 0.01;   // of the pixels: more than saturated spheres
-constexpr double kLeastLit = 0.02;    // of the pixels
-constexpr double kLittleMs = 1;
-constexpr double kNoFurtherMs = 3.5;  // by the times above: no other level is begun
+constexpr double kWorkOfCrowded = 5000;
+constexpr double kWorkOfNext = 2000;
+constexpr double kWorkOfOccluded = 12000;
+constexpr double kLikelyCost = 12, kWorkOfUnlikely = 2000;  // a wand rarely begins with more
+constexpr size_t kFirstCandidates = 2;
+constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spheres
+constexpr double kLeastLit = 0.02;   // of the pixels
+constexpr double kLittleMs = 1.8;
+constexpr double kNoFurtherMs = 3.8;  // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;
-constexpr double kSureCost = 4;  // of a wand; what was left out is hardly as good
+constexpr double kSureCost = 4;  // of a wand
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
 
 }  // namespace
@@ -90,10 +93,21 @@ bool WandDetector::IsLit(const ImageView& image) {
 // By what was done, so that it is the same on every computer.
 double WandDetector::EstimatedMs() const {
   return spot_finder_.EstimatedMs() +
-         1e-6 * (4000.0 * (kMaxFits - fits_left_) + 50.0 * (kMaxWork - work_left_));
+         1e-6 * (2500.0 * (kMaxFits - fits_left_) + 110.0 * (kMaxWork - work_left_));
 }
 
 Verdict WandDetector::SearchAll(const ImageView& image) {
+  std::optional<VerifiedWand> of_parts;
+  Verdict verdict = SearchLevels(image, &of_parts);
+  if (of_parts && (!verdict.wand || verdict.wand->cost > of_parts->cost)) {
+    verdict = Verdict();
+    verdict.wand = std::move(of_parts);
+  }
+  return verdict;
+}
+
+// `of_parts`: a wand with a marker that is not seen whole, which may be whole in a later level.
+Verdict WandDetector::SearchLevels(const ImageView& image, std::optional<VerifiedWand>* of_parts) {
   const BlobResult& look = spot_finder_.Look(image);
   passed_share_ = static_cast<double>(look.passed_px) /
                   std::max(1.0, static_cast<double>(look.row_count) * image.width);
@@ -107,6 +121,11 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
     cut_short_ |= EstimatedMs() > kNoFurtherMs;
     if (EstimatedMs() > kNoFurtherMs) return true;
     verdict = Search(image, image.Bounds(), level);
+    if (verdict.wand && verdict.wand->OccludedCount() > 0 && level < SpotFinder::kPaleLevels[1] &&
+        IsLit(image)) {
+      if (!*of_parts || verdict.wand->cost < (*of_parts)->cost) *of_parts = verdict.wand;
+      verdict.wand.reset();
+    }
     return verdict.wand.has_value() || has_rivals_;
   };
   for (const size_t level : SpotFinder::kWideLevels) {
@@ -152,6 +171,34 @@ double WandDetector::Unlikeness(const WandCandidate& candidate) const {
   return cost;
 }
 
+// What was left out is hardly as good.
+bool WandDetector::IsSure(const VerifiedWand& wand) const {
+  return wand.cost < kSureCost && spot_finder_.has_all();
+}
+
+// The first candidates may take all the work that is left: they are hardly ever others than the
+// wand. With a wand found, so may what may be as good. What is not likely gets little.
+Verdict WandDetector::VerifyFound(const ImageView& image, double most_work) {
+  const absl::Span<const WandCandidate> all = candidates_;
+  const auto verify = [&](size_t count, double most) {
+    double work = std::min(work_left_, most);
+    work_left_ -= work;
+    Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, all.first(count),
+                                       kMaxFits - fits_left_, IsLit(image), &work);
+    work_left_ += work;
+    return verdict;
+  };
+  const size_t first = std::min(all.size(), kFirstCandidates);
+  Verdict verdict = verify(first, work_left_);
+  if (all.size() == first) return verdict;
+  const auto likely = static_cast<size_t>(std::ranges::count_if(
+      all, [](const WandCandidate& candidate) { return candidate.cost < kLikelyCost; }));
+  if (!verdict.wand && likely > first) verdict = verify(likely, most_work);
+  if (!verdict.wand && likely == all.size()) return verdict;
+  if (!verdict.wand) return verify(all.size(), kWorkOfUnlikely);
+  return verify(all.size(), verdict.wand->OccludedCount() == 0 ? work_left_ : kWorkOfOccluded);
+}
+
 Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size_t level) {
   window_ = part;
   spot_finder_.Find(image, part, level);
@@ -173,6 +220,7 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   // The most likely are measured first.
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < found.size(); ++i) {
+    if (!HasOtherHalves(spot_finder_.spots(), found[i].blobs)) continue;
     order.emplace_back(found[i].cost + Unlikeness(found[i]), i);
   }
   std::sort(order.begin(), order.end());
@@ -181,50 +229,61 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
     candidates_.push_back(found[order[i].second]);
     candidates_.back().cost = order[i].first;
   }
-  double work = candidates_.size() <= kFewCandidates
-                    ? work_left_
-                    : std::min(work_left_, more_follow ? kWorkOfCrowded : kWorkOfLevel);
-  work_left_ -= work;
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
-                                     kMaxFits - fits_left_, IsLit(image), &work);
-  work_left_ += work;
+  Verdict verdict = VerifyFound(image, more_follow ? kWorkOfCrowded : kWorkOfLevel);
   has_rivals_ = verdict.ambiguous;
   const bool all = verdict.measured == order.size();
   cut_short_ |= verdict.left_out;
   if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) {
-    // Of a crowded picture whole wands are looked for in the next levels first.
-    if (more_follow) return verdict;
-    return SearchPartial(image);
+    // Whole wands are looked for in the next levels first: light of a room whitens the spheres.
+    if (more_follow || (level < SpotFinder::kPaleLevels[0] && IsLit(image))) return verdict;
+    return SearchPartial(image, level < SpotFinder::kPaleLevels[1] ? kWorkOfNext : 0);
   }
-  if (!verdict.wand || (all && !wand_finder_.cut_short())) return verdict;
+  if (!verdict.wand) return verdict;
+  if (all && !wand_finder_.cut_short()) {
+    verifier_.FitOutlines(image, &*verdict.wand);
+    return verdict;
+  }
   // What was left out may be as good.
   const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
     return one.blobs == verdict.wand->blobs;
   });
   const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
-  const bool sure = verdict.wand->cost < kSureCost && spot_finder_.has_all();
+  const bool sure = IsSure(*verdict.wand);
   const double worse = sure ? kALittleWorse : WandVerifier::kClearlyWorse;
   const bool is_rival_left = wand_finder_.cut_short() && !sure &&
                              wand_finder_.least_cost_left() < its_cost + kALittleWorse;
   verdict.ambiguous = is_rival_left || (verdict.left_out && !all &&
                                         order[verdict.measured].first < its_cost + worse);
-  if (verdict.ambiguous) verdict.wand.reset();
-  return verdict;
+  if (!verdict.ambiguous) {
+    verifier_.FitOutlines(image, &*verdict.wand);
+    return verdict;
+  }
+  const bool is_whole = verdict.wand->OccludedCount() == 0;
+  verdict.wand.reset();
+  // Of two spheres and something else, another thing may be the third one's part.
+  if (is_whole || more_follow || part != image.Bounds()) return verdict;
+  return SearchPartial(image, kWorkOfNext);
 }
 
-// A wand of which one marker is mostly hidden.
-Verdict WandDetector::SearchPartial(const ImageView& image) {
+// A wand of which one marker is mostly hidden. `kept_work` is for what follows.
+Verdict WandDetector::SearchPartial(const ImageView& image, double kept_work) {
   std::vector<WholeMarker> wholes;
   for (const Spot& spot : spot_finder_.spots()) {
-    if (!IsRound(spot.blob) || spot.blob.touches_border) continue;
+    if (!IsRound(spot.blob) || spot.blob.touches_border || spot.is_half) continue;
     wholes.push_back({spot.blob, spot.core, spot.doubt});
   }
+  kept_work = std::min(work_left_, kept_work);
+  work_left_ -= kept_work;
   double places = std::min(work_left_, kWorkOfPlaces);
   work_left_ -= places;
-  const bool few = spot_finder_.spots().size() <= kFewThings && result().blobs.size() <= kFewThings;
+  const auto few_spots = static_cast<size_t>(
+      std::ranges::count_if(spot_finder_.spots(), [](const Spot& spot) { return !spot.is_half; }));
+  const bool few = few_spots <= kFewThings && result().blobs.size() <= kFewThings;
   std::vector<Blob> parts;
   if (few) {
-    for (const Spot& spot : spot_finder_.spots()) parts.push_back(spot.blob);
+    for (const Spot& spot : spot_finder_.spots()) {
+      if (!spot.is_half) parts.push_back(spot.blob);
+    }
     for (const Blob& blob : result().blobs) parts.push_back(blob);
   }
   PartialWands found = FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places);
@@ -235,7 +294,7 @@ Verdict WandDetector::SearchPartial(const ImageView& image) {
   candidates_ = std::move(found.candidates);
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
                                      kMaxFits - fits_left_, IsLit(image), &work);
-  work_left_ += work;
+  work_left_ += work + kept_work;
   if (verdict.wand && (found.cut_short || verdict.measured < candidates_.size())) {
     // What was left out may be as good.
     const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
@@ -250,6 +309,7 @@ Verdict WandDetector::SearchPartial(const ImageView& image) {
                        verdict.wand->label_confidence < kPartialConfidence)) {
     verdict.wand.reset();
   }
+  if (verdict.wand) verifier_.FitOutlines(image, &*verdict.wand);
   return verdict;
 }
 

@@ -61,9 +61,12 @@ class WandDetector {
   bool IsLit(const ImageView& image);
   double EstimatedMs() const;
   double Unlikeness(const WandCandidate& candidate) const;
+  bool IsSure(const VerifiedWand& wand) const;
+  Verdict VerifyFound(const ImageView& image, double most_work);
   Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
-  Verdict SearchPartial(const ImageView& image);
+  Verdict SearchPartial(const ImageView& image, double kept_work);
   Verdict SearchAll(const ImageView& image);
+  Verdict SearchLevels(const ImageView& image, std::optional<VerifiedWand>* of_parts);
   std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,
                                             uint32_t clock_epoch);
   MarkerObservation Observe(const VerifiedWand& wand, size_t marker) const;

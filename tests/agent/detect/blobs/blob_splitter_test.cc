@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -43,6 +44,28 @@ TEST(BlobSplitter, FindsTheMarkerInFrontOfSomethingDimmer) {
   EXPECT_NEAR(parts[0].centre_px.x(), 56, 0.2);
   EXPECT_NEAR(parts[0].centre_px.y(), 40, 0.2);
   EXPECT_TRUE(IsRound(parts[0]));
+}
+
+// Red is clipped in both, a sphere and a screen behind it.
+TEST(BlobSplitter, FindsAClippedMarkerByItsOtherChannels) {
+  std::vector<uint8_t> pixels(kSize * kSize * 3, 5);
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x) {
+      uint8_t* const pixel = &pixels[static_cast<size_t>((y * kSize + x) * 3)];
+      if (x < 60 && y > 26 && y < 54) pixel[0] = 10, pixel[1] = 25, pixel[2] = 255;
+      if (std::hypot(x - 56, y - 40) < 7) pixel[0] = 40, pixel[1] = 150, pixel[2] = 255;
+    }
+  }
+  const ImageView view{pixels.data(), kSize, kSize, 3 * kSize, PixelFormat::kBgr8};
+  auto finder = BlobFinder::Create({.colour = {.hue_min_deg = 0, .hue_max_deg = 50}});
+  ASSERT_TRUE(finder.ok());
+  const BlobResult& found = finder->Find(view);
+  ASSERT_EQ(found.blobs.size(), 1u);
+  BlobSplitter splitter;
+  const auto& parts = splitter.Split(view, found.blobs[0], 6);
+  EXPECT_TRUE(std::ranges::any_of(parts, [](const Blob& part) {
+    return IsRound(part) && (part.centre_px - Eigen::Vector2d(56, 40)).norm() < 0.2;
+  }));
 }
 
 TEST(BlobSplitter, TakesTwoMarkersApart) {

@@ -19,10 +19,10 @@ struct Image {
   std::vector<uint8_t> pixels = std::vector<uint8_t>(kSize * kSize, 10);
 
   template <typename Inside>
-  void Paint(Inside inside) {
+  void Paint(Inside inside, uint8_t grey = 200) {
     for (int y = 0; y < kSize; ++y) {
       for (int x = 0; x < kSize; ++x) {
-        if (inside(x, y)) pixels[static_cast<size_t>(y * kSize + x)] = 200;
+        if (inside(x, y)) pixels[static_cast<size_t>(y * kSize + x)] = grey;
       }
     }
   }
@@ -69,6 +69,17 @@ TEST(DiscFinder, FindsAMarkerBesideAFrame) {
   image.Paint([](int x, int) { return x > 70 && x < 76; });
   image.Disc(62, 40, 9);
   EXPECT_NE(Nearest(image.Discs(), 62, 40), nullptr);
+}
+
+// The end of a stick that points at the camera.
+TEST(DiscFinder, AHoleInAMarkerIsFilled) {
+  Image image;
+  image.Paint([](int x, int y) { return std::abs(y - 50) < 2 && x > 10 && x < 90; });
+  image.Disc(60, 50, 9);
+  image.Paint([](int x, int y) { return std::hypot(x - 61, y - 49) < 2.5; }, 10);
+  const Blob* const disc = Nearest(image.Discs(), 60, 50);
+  ASSERT_NE(disc, nullptr);
+  EXPECT_NEAR(std::sqrt(disc->area_px / 3.14159), 9, 0.7);
 }
 
 TEST(DiscFinder, ABoardHasNone) {

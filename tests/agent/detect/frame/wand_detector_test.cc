@@ -104,6 +104,46 @@ TEST(WandDetector, HalfCoveredSphereIsReportedAndNotGuessed) {
   EXPECT_TRUE(detection.observation.markers[2].visible);
 }
 
+// Seen along the wand, two spheres are one blob.
+TEST(WandDetector, FindsSpheresThatOverlap) {
+  RenderedWand scene;
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  for (const double across : {0.3, 0.33, 0.36}) {
+    const FrameGroundTruth ground_truth =
+        scene.Render(RenderedWand::Wand({0.1, 0.1, 1.6}, {across, 0.05, 1}));
+    const Detection detection = MustDetect(detector, scene.View());
+    ASSERT_EQ(detection.outcome, DetectionOutcome::kWand) << across;
+    int seen = 0;
+    for (size_t k = 0; k < 3; ++k) {
+      const MarkerObservation& marker = detection.observation.markers[k];
+      if (!marker.visible) continue;
+      ++seen;
+      EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.3)
+          << across << ", marker " << k << " at " << ground_truth.markers[k].centre_px.transpose();
+    }
+    EXPECT_GE(seen, 2) << across;
+  }
+}
+
+// A dark stick in front of a sphere's rim, and a white thing beside it.
+TEST(WandDetector, ASphereBesideSomethingBrightIsFound) {
+  RenderedWand scene;
+  const FrameGroundTruth ground_truth = scene.Render(Standing());
+  const Eigen::Vector2d at = ground_truth.markers[1].centre_px;
+  const int x = static_cast<int>(at.x()), y = static_cast<int>(at.y());
+  scene.Fill(x - 40, y + 8, 80, 12, 250, 250, 250);
+  scene.Fill(x - 1, y - 12, 2, 6, 4, 4, 4);
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View());
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  for (size_t k = 0; k < 3; ++k) {
+    const MarkerObservation& marker = detection.observation.markers[k];
+    if (marker.visible) {
+      EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.5) << k;
+    }
+  }
+}
+
 TEST(WandDetector, TwoEquallyGoodWandsAreAmbiguous) {
   RenderedWand scene;
   scene.Render(RenderedWand::Wand({-0.3, 0.4, 2.2}, {1, 0, 0}));

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "agent/identify/outline_sectors.h"
+#include "agent/identify/visible_arc.h"
 #include "agent/identify/wand_stick.h"
 
 namespace rigcal::agent {
@@ -29,6 +30,14 @@ constexpr double kNeighbourPx = 0.1;   // of the edge, where something else is n
 constexpr double kHiddenPx = 0.1, kHiddenRatio = 6, kSuspectRatio = 3;
 constexpr double kShortPx = 0.2;  // against what diameter and distance say
 constexpr double kMostSaturatedBehind = 0.1;
+// Of arcs: of the radius by pose and diameter; sectors; of what leaving them out moves the centre.
+constexpr double kPoseRadiusPx = 0.15, kPoseRadiusShare = 0.05;
+constexpr double kOtherRadiusPx = 0.1, kOtherRadiusShare = 0.03;  // by another outline
+constexpr int kLeastKnown = 6;     // sectors, of which the stick takes some
+constexpr double kCutRatio = 100;  // less sure than any other
+constexpr double kMovedError = 0.15;
+constexpr double kArcError = 0.1, kAloneError = 0.2;   // radii
+constexpr int kNotch = 2;                              // sectors that the stick takes
 constexpr double kOddPx = 0.04, kOddError = 1;         // of the place, per error of the radius
 constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
 constexpr double kLikeStretchSigma = 0.02, kLeastRatio = 0.5;
@@ -144,6 +153,41 @@ OutlineExpectation ExpectationOf(const VerifiedWand& wand, const FittedOutlines&
   return expected;
 }
 
+// The outline that its own edge fits best, which is hardly one of a sphere that is partly hidden.
+size_t SurestOf(const VerifiedWand& wand, const FittedOutlines& outlines) {
+  size_t surest = 0;
+  double least = -1;
+  for (size_t k = 0; k < outlines.size(); ++k) {
+    if (!outlines[k]) continue;
+    const double ratio = outlines[k]->edge_chi_squared / std::max(1.0, outlines[k]->edge_freedom) +
+                         (wand.centres[k].cut ? kCutRatio : 0);
+    if (least < 0 || ratio < least) least = ratio, surest = k;
+  }
+  return surest;
+}
+
+// What the surest outline and the pose say of another one.
+ArcExpectation ArcExpectationOf(const VerifiedWand& wand, const FittedOutlines& outlines,
+                                size_t marker) {
+  ArcExpectation expected;
+  const size_t surest = SurestOf(wand, outlines);
+  expected.is_cut = wand.centres[marker].cut;
+  const SphereOutline& other = *outlines[surest];
+  expected.scatter = ScatterOf(other);
+  expected.edge_variance_px2 = std::max(0.0, ScatterOfEdges({&other})[0].extra_px2);
+  expected.stretch = other.stretch;
+  if (wand.px_per_m.size() != outlines.size()) return expected;
+  const double own_px_per_m = wand.px_per_m[marker];
+  if (surest != marker) {
+    expected.radius_px = other.radius_px * own_px_per_m / wand.px_per_m[surest];
+    expected.radius_sigma_px = kOtherRadiusPx + kOtherRadiusShare * expected.radius_px;
+  } else if (wand.diameter_m > 0) {
+    expected.radius_px = 0.5 * wand.diameter_m * own_px_per_m;
+    expected.radius_sigma_px = kPoseRadiusPx + kPoseRadiusShare * expected.radius_px;
+  }
+  return expected;
+}
+
 // How much less the edge is on its outline than those of the others, as a ratio of variances.
 double EdgeRatio(const FittedOutlines& outlines, size_t marker) {
   double squares = 0, freedom = 0;
@@ -223,6 +267,29 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
     }
     outlines[k] = outline;
   }
+  std::vector<VisibleArc> arcs(markers.size());
+  const FittedOutlines first = outlines;
+  for (size_t k = 0; k < markers.size(); ++k) {
+    if (!outlines[k]) continue;
+    light.slope_sigma = slope_sigma / std::sqrt(ScatterOf(*outlines[k]));
+    arcs[k] = FindVisibleArc(*markers[k].pixels, wand->centres[k].second_moment_px2, light,
+                             ArcExpectationOf(*wand, first, k), fitter, &*outlines[k]);
+    // Different things around it, and an edge that is as much on its outline as the others'.
+    if (!arcs[k].stays && !wand->centres[k].cut && EdgeRatio(first, k) < kSuspectRatio) {
+      arcs[k] = VisibleArc();
+      outlines[k] = first[k];
+    }
+    const bool is_arc = wand->centres[k].cut || !arcs[k].is_all();
+    const bool too_little = arcs[k].hidden_count > kNotch && arcs[k].known_count < kLeastKnown;
+    if (is_arc && (arcs[k].failed || too_little)) wand->whole[k] = false;
+  }
+  bool has_whole = false;
+  for (size_t k = 0; k < markers.size(); ++k) {
+    has_whole |= outlines[k] && arcs[k].is_all() && !wand->centres[k].cut;
+  }
+  const auto pixels_of = [&](size_t k) -> const OutlinePixels& {
+    return arcs[k].is_all() ? *markers[k].pixels : arcs[k].pixels;
+  };
   const std::vector<EdgeScatter> scatters = ScatterOf(outlines, *wand);
   OutlinePixels discounted;
   for (size_t k = 0; k < markers.size(); ++k) {
@@ -235,7 +302,7 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
       light.slope_sigma = slope_sigma / std::sqrt(scatters[k].noise);
       const EdgeScatter& scatter = scatters[k];
       const double odd_px = expected.radius_px > 0 ? outline.radius_px - expected.radius_px : 0;
-      if (IsPartlyHidden(*wand, outlines, k, expected, *markers[k].pixels)) {
+      if (IsPartlyHidden(*wand, outlines, k, expected, pixels_of(k))) {
         wand->whole[k] = false;
         continue;
       }
@@ -247,13 +314,14 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
         *sigma /= std::sqrt(scatter.noise);
       }
       const bool is_odd = std::abs(odd_px) > 2 * expected.radius_sigma_px;
-      for (int round = 0; round < (is_odd ? 2 : 1); ++round) {
-        const SectorVariances extra = ExtraVariances(*markers[k].pixels, outline, scatter);
-        if (!is_odd && !(*std::max_element(extra.begin(), extra.end()) > 0)) break;
-        Discount(*markers[k].pixels, outline, extra, scatter.noise, &discounted);
+      const bool is_arc = centre.cut || !arcs[k].is_all();
+      for (int round = 0; round < (is_odd || is_arc ? 2 : 1); ++round) {
+        const SectorVariances extra = ExtraVariances(pixels_of(k), outline, scatter);
+        if (!is_odd && !is_arc && !(*std::max_element(extra.begin(), extra.end()) > 0)) break;
+        Discount(pixels_of(k), outline, extra, scatter.noise, &discounted);
         SphereOutline again = outline;
         if (!fitter->Fit(discounted, centre.second_moment_px2, light, &again, scaled)) break;
-        fitter->MeasureEdge(*markers[k].pixels, &again);
+        fitter->MeasureEdge(pixels_of(k), &again);
         outline = again;
       }
       const double softer_px =
@@ -262,6 +330,7 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
           kOddError * std::max(0.0, std::abs(odd_px) - kOddPx - expected.radius_sigma_px),
           kSofterError * std::max(0.0, softer_px - kSofterPx));
       wrong_px = std::max(wrong_px, missing_px);
+      wrong_px = std::hypot(wrong_px, kMovedError * arcs[k].moved_px);
       outlines[k] = outline;
       centre.centre_px = outline.centre_px;
       // Of the sectors' mean, by what the background behind them may be.
@@ -269,6 +338,15 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
                                              centre.has_neighbour ? ToSquare(kNeighbourPx) : 0.0);
       centre.covariance_px2 = scatter.noise / outline.follows * outline.covariance_px2 +
                               kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
+    }
+    // A radius or a shape that is a little wrong moves the middle of an arc.
+    if (outlines[k] && (centre.cut || !arcs[k].is_all())) {
+      const Eigen::Vector2d arc_px = kArcError * outlines[k]->radius_px * arcs[k].missing;
+      centre.covariance_px2 += arc_px * arc_px.transpose();
+      // Without a whole sphere nothing says how large they are.
+      if (!has_whole && arcs[k].hidden_count > kNotch) {
+        wrong_px = std::hypot(wrong_px, kAloneError * outlines[k]->radius_px);
+      }
     }
     // Light from one side is not quite a polynomial, and moves a centroid.
     if (outlines[k]) {

@@ -4,11 +4,13 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <tuple>
 
 #include "agent/identify/ring_background.h"
+#include "agent/identify/stick_sight.h"
 
 namespace rigcal::agent {
 namespace {
@@ -21,10 +23,16 @@ constexpr double kMaxPartialCost = 14;
 // Of two whole markers.
 constexpr size_t kMaxAlikePairs = 30;
 constexpr double kPairBrightness = 0.3, kPairColour = 0.12, kMaxPairCost = 12;
+constexpr double kLongest = 1.1, kSmallerPx = 0.5;  // than by radii; the mask leaves out the rim
 constexpr double kMaxSizeCost = 9;
-constexpr double kCommonRadiusPx = 0.8;  // of both, by blur and the mask's limit
-constexpr double kStepRadii = 0.25;      // along the line, between places that are looked at
-constexpr int kSteps = 48;               // of the ratio of their depths
+// Of the stick between them.
+constexpr size_t kMostSticks = 150;  // pairs
+constexpr double kWorkOfStick = 8, kStickSeen = 0.7, kStickGain = 3, kNoStickCost = 4;
+constexpr double kOffSphere = 1.15, kOffSpherePx = 1.5;
+constexpr double kInterrupted = 0.25, kCoveredCost = 3;  // where the middle one is covered
+constexpr double kCommonRadiusPx = 0.8;                  // of both, by blur and the mask's limit
+constexpr double kStepRadii = 0.25;  // along the line, between places that are looked at
+constexpr int kSteps = 48;           // of the ratio of their depths
 // Of a pixel that looks like them.
 constexpr float kDarkest = 0.6f, kBrightest = 1.5f, kColour = 0.13f;
 constexpr double kGapPx = 1.2, kGapRadii = 0.08, kLeastRingPx = 2, kRingRadii = 0.3;
@@ -58,17 +66,29 @@ MarkerSight SightOf(const Blob& blob, const MarkerSight& ray) {
 struct Pair {
   double cost;
   size_t first, last;
+  bool has_stick = false;
 };
 
+double StickBetween(const ImageView& image, const Blob& a, const Blob& b) {
+  const Eigen::Vector2d way = b.centre_px - a.centre_px;
+  const double ra = RadiusOf(a), rb = RadiusOf(b), length = way.norm();
+  const double begin = (kOffSphere * ra + kOffSpherePx) / length;
+  const double end = 1 - (kOffSphere * rb + kOffSpherePx) / length;
+  if (!(end > begin)) return 0;
+  return StickShare(image, a.centre_px + begin * way, a.centre_px + end * way, 0.5 * (ra + rb));
+}
+
 // Those that are alike, the most alike first.
-std::vector<Pair> AlikePairs(absl::Span<const WholeMarker> wholes) {
+std::vector<Pair> AlikePairs(const ImageView& image, absl::Span<const WholeMarker> wholes,
+                             double longest_radii, double* work) {
   std::vector<Pair> pairs;
   for (size_t i = 0; i < wholes.size(); ++i) {
     for (size_t j = i + 1; j < wholes.size(); ++j) {
       const WholeMarker &a = wholes[i], &b = wholes[j];
       const double ri = RadiusOf(a.blob), rj = RadiusOf(b.blob);
       if (ri > 1.6 * rj + 1 || rj > 1.6 * ri + 1) continue;
-      if ((a.blob.centre_px - b.blob.centre_px).norm() < ri + rj) continue;
+      const double apart_px = (a.blob.centre_px - b.blob.centre_px).norm();
+      if (apart_px < ri + rj || apart_px > longest_radii * (0.5 * (ri + rj) + kSmallerPx)) continue;
       const float ga = std::max(1.0f, a.core.norm()), gb = std::max(1.0f, b.core.norm());
       const double cost =
           SquareOf(static_cast<double>(std::log(ga / gb)) / kPairBrightness) +
@@ -78,6 +98,17 @@ std::vector<Pair> AlikePairs(absl::Span<const WholeMarker> wholes) {
     }
   }
   std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
+    return std::tie(a.cost, a.first, a.last) < std::tie(b.cost, b.first, b.last);
+  });
+  if (pairs.size() > kMostSticks) pairs.resize(kMostSticks);
+  for (Pair& pair : pairs) {
+    *work -= kWorkOfStick;
+    pair.has_stick =
+        StickBetween(image, wholes[pair.first].blob, wholes[pair.last].blob) >= kStickSeen;
+    if (pair.has_stick) pair.cost = std::max(0.0, pair.cost - kStickGain);
+  }
+  std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
+    if (a.has_stick != b.has_stick) return a.has_stick;
     return std::tie(a.cost, a.first, a.last) < std::tie(b.cost, b.first, b.last);
   });
   if (pairs.size() > kMaxAlikePairs) pairs.resize(kMaxAlikePairs);
@@ -267,7 +298,8 @@ class PartSearch {
   // `a` and `b` are markers first and second.
   void Try(const WholeMarker& a, const WholeMarker& b, size_t index_a, size_t index_b,
            const MarkerSight& sight_a, const MarkerSight& sight_b, const Layout& layout,
-           double pair_cost) {
+           const Pair& pair) {
+    const double pair_cost = pair.cost;
     const WandImageFitOptions& options = finder_.fit_options();
     const auto shares = finder_.shares();
     const double span = shares[layout.second] - shares[layout.first];
@@ -288,8 +320,12 @@ class PartSearch {
       if (!part && pair_cost < kSliverPairCost) {
         part = LookForSliver(image_, place->centre_px, place->radius_px, core, &work_);
       }
+      if (!part && pair.has_stick && layout.hidden == 1) part = CoveredAt(*place, a.blob, b.blob);
       if (!part) return;
       part->cost += place->size_cost;
+      if (pair.has_stick && layout.hidden != 1) {
+        part->cost += kNoStickCost * (1 - StickTo(*place, layout.hidden == 0 ? a.blob : b.blob));
+      }
       if (!best || part->cost < best->cost ||
           (part->cost == best->cost && part->share > best->share)) {
         best = part;
@@ -308,6 +344,7 @@ class PartSearch {
       next.radius_px = 0.5 * (sight_a.radius_px + ratio * sight_b.radius_px) / hidden.norm();
       if (work_ <= 0) {
         found_.cut_short = true;
+        found_.cut_stick |= pair.has_stick;
         return;
       }
       // Of places that are nearly the same the one that fits the sizes best.
@@ -320,6 +357,7 @@ class PartSearch {
     if (!best) return;
     WandCandidate candidate;
     candidate.partial = static_cast<int>(layout.hidden);
+    candidate.has_stick = pair.has_stick;
     candidate.blobs.resize(kMarkers);
     candidate.blobs[layout.first] = static_cast<int>(index_a);
     candidate.blobs[layout.second] = static_cast<int>(index_b);
@@ -335,6 +373,7 @@ class PartSearch {
     }
     candidate.cost = candidate.fit.cost + pair_cost + best->cost;
     candidate.partial_cost = best->cost;
+    candidate.partial_share = best->share;
     found_.blobs.push_back(best->blob);
     found_.candidates.push_back(candidate);
   }
@@ -354,6 +393,37 @@ class PartSearch {
       return Part{.share = 0, .around = 0, .cost = kKnownCost, .blob = blob};
     }
     return std::nullopt;
+  }
+
+  // Where the stick is seen between the other two, it is seen from the nearer one to the third.
+  double StickTo(const Place& place, const Blob& nearer) {
+    work_ -= kWorkOfStick;
+    const Eigen::Vector2d way = place.centre_px - nearer.centre_px;
+    const double begin = (kOffSphere * RadiusOf(nearer) + kOffSpherePx) / way.norm();
+    const double end = 1 - (kOffSphere * place.radius_px + kOffSpherePx) / way.norm();
+    if (!(end > begin)) return 0.5;
+    return StickShare(image_, nearer.centre_px + begin * way, nearer.centre_px + end * way,
+                      place.radius_px);
+  }
+
+  // Something covers the stick where the marker must be, and where it would be the other way round
+  // the stick is seen.
+  std::optional<Part> CoveredAt(const Place& place, const Blob& a, const Blob& b) {
+    const Eigen::Vector2d way = (b.centre_px - a.centre_px).normalized();
+    const auto seen_at = [&](const Eigen::Vector2d& at_px) {
+      work_ -= kWorkOfStick;
+      const Eigen::Vector2d half_px = place.radius_px * way;
+      return StickShare(image_, at_px - half_px, at_px + half_px, place.radius_px);
+    };
+    if (seen_at(place.centre_px) > kInterrupted ||
+        seen_at(a.centre_px + b.centre_px - place.centre_px) < kStickSeen) {
+      return std::nullopt;
+    }
+    Part part{.share = 0, .around = 0, .cost = kCoveredCost, .blob = Blob()};
+    part.blob.centre_px = place.centre_px;
+    part.blob.area_px = static_cast<int>(std::numbers::pi * SquareOf(place.radius_px));
+    part.blob.second_moment_px2 = 0.25 * SquareOf(place.radius_px) * Eigen::Matrix2d::Identity();
+    return part;
   }
 
   double SizeCost(const MarkerSight& a, const MarkerSight& b, double first_m,
@@ -400,7 +470,11 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
   if (finder.shares().size() != kMarkers) return found;
   for (const WholeMarker& whole : wholes) found.blobs.push_back(whole.blob);
   PartSearch search(image, finder, known_parts, work, &found);
-  for (const Pair& pair : AlikePairs(wholes)) {
+  // Of a wand across the line of sight; no other one is longer in the image.
+  const double diameter_m = finder.fit_options().diameter_m;
+  const double longest_radii = diameter_m > 0 ? kLongest * 2 * finder.length_m() / diameter_m
+                                              : std::numeric_limits<double>::infinity();
+  for (const Pair& pair : AlikePairs(image, wholes, longest_radii, work)) {
     const WholeMarker &a = wholes[pair.first], &b = wholes[pair.last];
     MarkerSight ray_a, ray_b;
     if (!finder.Sight(a.blob.centre_px, &ray_a) || !finder.Sight(b.blob.centre_px, &ray_b)) {
@@ -408,8 +482,8 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
     }
     const MarkerSight sight_a = SightOf(a.blob, ray_a), sight_b = SightOf(b.blob, ray_b);
     for (const Layout& layout : kLayouts) {
-      search.Try(a, b, pair.first, pair.last, sight_a, sight_b, layout, pair.cost);
-      search.Try(b, a, pair.last, pair.first, sight_b, sight_a, layout, pair.cost);
+      search.Try(a, b, pair.first, pair.last, sight_a, sight_b, layout, pair);
+      search.Try(b, a, pair.last, pair.first, sight_b, sight_a, layout, pair);
     }
   }
   std::sort(found.candidates.begin(), found.candidates.end(),

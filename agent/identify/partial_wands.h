@@ -22,16 +22,19 @@ struct PartialWands {
   std::vector<Blob> blobs;                // the whole ones as they were given, then the parts
   int tried = 0;                          // places that were looked at
   bool cut_short = false;                 // not all of them, for the time
+  bool cut_stick = false;                 // nor all of those whose stick is seen
 };
 
 // Wands of three markers of which one is mostly hidden: two whole markers that are alike, and a
 // part of the third one where it must be, of their colour and brightness and not beyond its
-// outline. By the sizes of the two and their distance from each other, only some of the six ways
-// in which they can be two of the three are possible, and each says where the third one is. Two
-// spheres alone say neither which markers they are nor which way the wand points: the part does,
-// so there is none without it. `known_parts`, where few things have the wand's colour: any of them
-// may be a part. At most `max_candidates`. `work`: pixels that may be read, less
-// those that were.
+// outline. Pairs between which a stick is seen are looked at first. By the sizes of the two and
+// their distance from each other, only some of the six ways in which they can be two of the three
+// are possible, and each says where the third one is. Two spheres alone say neither which markers
+// they are nor which way the wand points: the part does, so there is none without it, but where
+// something covers the middle of a stick that is seen on both sides, and at the place where the
+// middle sphere would be the other way round the stick is seen. `known_parts`, where few things
+// have the wand's colour: any of them may be a part. At most `max_candidates`. `work`: pixels that
+// may be read, less those that were.
 PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
                               absl::Span<const WholeMarker> wholes,
                               absl::Span<const Blob> known_parts, size_t max_candidates,

@@ -90,6 +90,17 @@ bool SameWholes(const VerifiedWand& a, const VerifiedWand& b) {
   return true;
 }
 
+bool SameWholeBlobs(const VerifiedWand& a, const VerifiedWand& b) {
+  absl::InlinedVector<int, 3> of_a, of_b;
+  for (size_t k = 0; k < a.blobs.size(); ++k) {
+    if (a.whole[k]) of_a.push_back(a.blobs[k]);
+    if (b.whole[k]) of_b.push_back(b.blobs[k]);
+  }
+  std::sort(of_a.begin(), of_a.end());
+  std::sort(of_b.begin(), of_b.end());
+  return of_a.size() < a.blobs.size() && of_a == of_b;
+}
+
 double MeanBrightness(const VerifiedWand& wand) {
   double sum = 0;
   int count = 0;

@@ -44,5 +44,7 @@ bool Disjoint(const VerifiedWand& a, const VerifiedWand& b);
 bool SamePlaces(const VerifiedWand& a, const VerifiedWand& b);
 // The same markers are seen whole, of another part of the hidden one.
 bool SameWholes(const VerifiedWand& a, const VerifiedWand& b);
+// The same blobs are seen whole, as whichever markers, and another one is hidden.
+bool SameWholeBlobs(const VerifiedWand& a, const VerifiedWand& b);
 
 }  // namespace rigcal::agent

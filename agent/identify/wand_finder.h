@@ -41,9 +41,11 @@ struct WandFinderOptions {
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
   WandImageFit fit;
-  double cost = 0;          // as is known before it is measured; of the finder: of fit and doubts
-  int partial = -1;         // the marker of which only a part is seen (FindPartialWands)
-  double partial_cost = 0;  // that it is a part of one, as a chi-squared
+  double cost = 0;           // as is known before it is measured; of the finder: of fit and doubts
+  int partial = -1;          // the marker of which only a part is seen (FindPartialWands)
+  double partial_cost = 0;   // that it is a part of one, as a chi-squared
+  double partial_share = 0;  // of its disc, that is seen
+  bool has_stick = false;    // a stick is seen between the other two
 };
 
 // In whatever order.

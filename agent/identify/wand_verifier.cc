@@ -26,8 +26,10 @@ constexpr double kTiltCost = 4;      // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kMostHidden = 0.2;  // of a marker, by others of the wand
 constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
-                 kPartialChance = 0.5;
-constexpr double kMargin = 8;       // in cost, of a wand against the next best
+                 kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5;
+constexpr double kSeenStickGain = 2;
+constexpr double kMargin = 8;  // in cost, of a wand against the next best
+constexpr double kFlippedMargin = 5.5;
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
 constexpr double kKnownPlace = 0.5;                 // of a radius
@@ -37,11 +39,12 @@ constexpr double kWorthALook = 0.1;      // confidence
 constexpr double kWorthRestoring = 16;   // cost of pose and likeness
 constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
 constexpr double kMostOffOutline = 0.15;
+constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
 constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
 constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
 constexpr int kNearRounds = 2;
 // What the other spheres say of one.
-constexpr double kOtherRadiusPx = 0.1, kOtherRadiusShare = 0.03, kOtherStretch = 0.03,
+constexpr double kByOthersRadiusPx = 0.1, kByOthersRadiusShare = 0.03, kOtherStretch = 0.03,
                  kOtherEdgePx2 = 0.3;
 constexpr double kByOthersCost = 1.5;  // its own size says nothing then
 constexpr double kWorkOfFit = 500;     // in the pixels that a measurement reads
@@ -70,9 +73,10 @@ bool IsInBlob(const Eigen::Vector2d& centre_px, const Blob& blob) {
   return (centre_px - blob.centre_px).norm() < kOwnPlacePx + kOwnPlace * radius_px;
 }
 
-bool IsOnOutline(const std::optional<SphereOutline>& outline) {
-  return outline && outline->on_outline >= kLeastOnOutline &&
-         outline->off_outline <= kMostOffOutline &&
+// Beyond the border there is nothing to be seen of an outline, but nothing else either.
+bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut = false) {
+  return outline && outline->on_outline >= (is_cut ? kLeastOfCutOutline : kLeastOnOutline) &&
+         outline->off_outline <= (is_cut ? kMostOffCutOutline : kMostOffOutline) &&
          outline->stretch.norm() <= kMostStretch + kMostStretchPx / outline->radius_px;
 }
 
@@ -137,28 +141,30 @@ const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
 void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
                            VerifiedWand* wand) {
   const auto restore = [&](size_t k, const std::optional<SphereOutline>& outline) {
-    if (!IsOnOutline(outline) ||
-        !IsInBlob(outline->centre_px, blobs[static_cast<size_t>(wand->blobs[k])])) {
+    const Blob& blob = blobs[static_cast<size_t>(wand->blobs[k])];
+    MarkerCentre& centre = wand->centres[k];
+    const bool is_cut = centre.cut || blob.touches_border;
+    if (!IsOnOutline(outline, is_cut) || !(is_cut || IsInBlob(outline->centre_px, blob))) {
       return false;
     }
-    MarkerCentre& centre = wand->centres[k];
     wand->whole[k] = wand->outlined[k] = true;
     centre.centre_px = outline->centre_px;
     centre.radius_px = outline->radius_px;
     centre.covariance_px2 = std::max(1.0, Squared(outline->residual)) * outline->covariance_px2;
     centre.skewness = 0;
+    if (is_cut) centre.second_moment_px2 = outline->SecondMoment();
     return true;
   };
   absl::InlinedVector<size_t, 3> lost, to_retry;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     const MarkerCentre& centre = wand->centres[k];
     if (wand->whole[k]) continue;
-    const bool may_be = centre.contrast_grey > 0 && !centre.cut &&
-                        HiddenShare(*wand, k) < kMostHidden && centre.alike < kMostAlike &&
-                        !blobs[static_cast<size_t>(wand->blobs[k])].touches_border;
+    const bool is_cut = centre.cut || blobs[static_cast<size_t>(wand->blobs[k])].touches_border;
+    const bool may_be = centre.contrast_grey > 0 && HiddenShare(*wand, k) < kMostHidden &&
+                        centre.alike < kMostAlike;
     if (may_be && restore(k, OutlineOf(image, wand->blobs[k]))) continue;
     lost.push_back(k);
-    if (may_be) to_retry.push_back(k);
+    if (may_be && !is_cut) to_retry.push_back(k);
     // With two that are not whole it is no wand.
     if (lost.size() > 1) return;
   }
@@ -220,9 +226,14 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
     }
   }
-  if (occluded > 0 && in_room_) wand.cost += UnresolvedCost(wand);
+  // Nor are there three such things: a stick between two, or much of the third.
+  if (occluded > 0 && in_room_ && !candidate.has_stick) {
+    wand.cost +=
+        UnresolvedCost(wand) * (1 - std::min(kMostRelief, candidate.partial_share / kMuchSeen));
+  }
   // So does much in a lit room: lamps, slats and what is seen between them.
   if (in_room_ && IsWhite(wand)) wand.cost += kWhiteCost;
+  if (candidate.has_stick) wand.cost -= kSeenStickGain;
   // Without the third the other two must be the more alike. Fewer such sets fit by chance than of
   // three things that are measured.
   if (candidate.partial >= 0) {
@@ -304,7 +315,9 @@ Verdict WandVerifier::Choose() {
     }
     // A part of the wand with something else beside it.
     if (!Disjoint(now, other) && other.OccludedCount() > now.OccludedCount()) continue;
-    verdict.ambiguous |= other.cost < now.cost + kMargin;
+    // The same two spheres the other way round; the labels have a confidence of their own.
+    const bool is_flipped = SameWholeBlobs(now, other);
+    verdict.ambiguous |= other.cost < now.cost + (is_flipped ? kFlippedMargin : kMargin);
   }
   VerifiedWand& wand = evaluated_[best];
   if (wand.confidence < min_confidence_) return Verdict();
@@ -332,8 +345,13 @@ const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& ima
   measured.tried = true;
   const MarkerCentre& centre = measured.centre;
   SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
+  Eigen::Matrix2d second_moment_px2 = centre.second_moment_px2;
+  // What the border leaves of a disc says nothing of its shape.
+  if (centre.cut) {
+    second_moment_px2 = 0.25 * Squared(centre.radius_px) * Eigen::Matrix2d::Identity();
+  }
   if (!centre.has_neighbour && !measured.beside) {
-    if (fitter_.Fit(measured.pixels, centre.second_moment_px2, {}, &outline)) {
+    if (fitter_.Fit(measured.pixels, second_moment_px2, {}, &outline)) {
       measured.outline = outline;
     }
     return measured.outline;
@@ -346,7 +364,8 @@ const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& ima
     if (!meter_.CollectNear(image, around, centre, &measured.pixels)) return measured.outline;
     if (measured.beside) LeaveOutBeyond(around, *measured.beside, &measured.pixels);
     outline.parameters.setZero();
-    if (!fitter_.Fit(measured.pixels, around.second_moment_px2, {}, &outline)) {
+    if (!fitter_.Fit(measured.pixels, round == 0 ? second_moment_px2 : around.second_moment_px2, {},
+                     &outline)) {
       return measured.outline;
     }
     if (outline.on_outline < kHardlyOnOutline) return measured.outline;
@@ -380,7 +399,7 @@ bool WandVerifier::ExpectFromOthers(const ImageView& image, const VerifiedWand& 
   expected->stretch /= count;
   expected->edge_px2 /= count;
   *second_moment_px2 /= count;
-  expected->radius_sigma_px = kOtherRadiusPx + kOtherRadiusShare * expected->radius_px;
+  expected->radius_sigma_px = kByOthersRadiusPx + kByOthersRadiusShare * expected->radius_px;
   expected->stretch_sigma = kOtherStretch;
   expected->edge_sigma_px2 = kOtherEdgePx2;
   return true;

@@ -119,6 +119,8 @@ int main(int argc, char** argv) {
   CLI::App app("Prints the wand's markers in pictures, their covariance, and the CPU time.");
   app.add_option("--calibration", input.calibration, "OpenCV YAML of the camera")->required();
   app.add_option("--target", target, "the wand")->required();
+  app.add_option("--set", input.settings, "OPTION=VALUE of the frames, such as exposure=0.005")
+      ->allow_extra_args(false);
   app.add_option("PICTURE", pictures)->required();
   CLI11_PARSE(app, argc, argv);
   spdlog::set_default_logger(spdlog::stderr_logger_mt("detect-probe"));

@@ -20,11 +20,11 @@ DEFAULT_PROGRAM = os.path.normpath(
 TARGET = "wand:0,0.13,0.39;diameter=0.04"
 
 
-def detect(program, pictures, count):
+def detect(program, pictures, exposure_s, count):
     """Per picture the CPU time in ms, and of each marker x y cxx cxy cyy."""
     images = [pictures.image_path(i) for i in range(count)]
     done = subprocess.run([program, "--calibration", pictures.calibration, "--target", TARGET,
-                           *images], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+                           "--set", f"exposure={exposure_s}", *images], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     lines = done.stdout.splitlines()
     if done.returncode != 0 or len(lines) != count:
         sys.exit(f"{program} failed after {len(lines)} of {count} pictures: {done.stderr}")
@@ -39,7 +39,7 @@ def judge(args, condition):
     if args.render_only:
         return None
     score = Score(condition, args.visible, "lit_px" if args.truth == "lit" else "px")
-    times_ms, markers = detect(args.program, pictures, args.pictures)
+    times_ms, markers = detect(args.program, pictures, condition.exposure, args.pictures)
     for i in range(args.pictures):
         score.add(i, pictures.truth(i), markers[i], times_ms[i])
     score.failures = [f"{pictures.image_path(i)}: {why}" for i, why in score.failures]

@@ -47,7 +47,8 @@ constexpr size_t kFirstCandidates = 2;
 constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spheres
 constexpr double kLeastLit = 0.02;   // of the pixels
 constexpr double kLittleMs = 1.8;
-constexpr double kNoFurtherMs = 3.8;  // by the times above: no other level is begun
+constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for in another level
+constexpr double kNoFurtherMs = 3.8;     // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
@@ -122,7 +123,7 @@ Verdict WandDetector::SearchLevels(const ImageView& image, std::optional<Verifie
     if (EstimatedMs() > kNoFurtherMs) return true;
     verdict = Search(image, image.Bounds(), level);
     if (verdict.wand && verdict.wand->OccludedCount() > 0 && level < SpotFinder::kPaleLevels[1] &&
-        IsLit(image)) {
+        EstimatedMs() < kAnotherLevelMs && IsLit(image)) {
       if (!*of_parts || verdict.wand->cost < (*of_parts)->cost) *of_parts = verdict.wand;
       verdict.wand.reset();
     }
@@ -302,7 +303,9 @@ Verdict WandDetector::SearchPartial(const ImageView& image, double kept_work) {
     });
     const bool is_rival = verdict.measured < candidates_.size() &&
                           candidates_[verdict.measured].cost < chosen->cost + kSureCost;
-    if (is_rival || (found.cut_short && chosen->cost > kSureCost)) verdict.wand.reset();
+    const bool is_short = chosen->has_stick ? found.cut_stick : found.cut_short;
+    const bool is_sure = std::min(chosen->cost, verdict.wand->cost) <= kSureCost;
+    if (is_rival || (is_short && !is_sure)) verdict.wand.reset();
   }
   // Two things and a part of a third are found by chance among many.
   if (verdict.wand && ((!few && verdict.wand->confidence < kPartialConfidence) ||

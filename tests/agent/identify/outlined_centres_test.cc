@@ -71,15 +71,23 @@ class ThreeSpheres {
   VerifiedWand wand_;
 };
 
-TEST(SetOutlinedCentres, ASphereThatIsPartlyHiddenIsNotWhole) {
-  ThreeSpheres hidden(-4.8);
+TEST(SetOutlinedCentres, ASphereThatIsPartlyHiddenIsTakenFromItsArc) {
+  ThreeSpheres hidden(-4.8), seen(-100);
   ASSERT_TRUE(hidden.fitted_);
-  hidden.SetCentres();
-  EXPECT_EQ(hidden.wand_.whole, (absl::InlinedVector<bool, 3>{true, true, false}));
-  ThreeSpheres seen(-100);
   ASSERT_TRUE(seen.fitted_);
+  const Eigen::Vector2d centre(160, 50.3);
+  EXPECT_GT((hidden.outlines_[2].centre_px - centre).norm(), 0.5);
+  hidden.SetCentres();
   seen.SetCentres();
-  EXPECT_EQ(seen.wand_.OccludedCount(), 0);
+  ASSERT_EQ(hidden.wand_.OccludedCount(), 0);
+  ASSERT_EQ(seen.wand_.OccludedCount(), 0);
+  const MarkerCentre &arc = hidden.wand_.centres[2], &whole = seen.wand_.centres[2];
+  const Eigen::Vector2d error_px = arc.centre_px - centre;
+  // The side that is missing is where a stick may be: what is seen there tells nothing of the edge.
+  EXPECT_LT(error_px.norm(), 0.25);
+  EXPECT_LT(error_px.dot(arc.covariance_px2.inverse() * error_px), 9);
+  // Along the wand, where a side is missing, less is known.
+  EXPECT_GT(arc.covariance_px2(0, 0), 4 * whole.covariance_px2(0, 0));
 }
 
 TEST(SetOutlinedCentres, WhatIsBesideASphereWidensItsCovariance) {

@@ -9,7 +9,7 @@
 #include <optional>
 #include <tuple>
 
-#include "agent/identify/ring_background.h"
+#include "agent/identify/hidden_part.h"
 #include "agent/identify/stick_sight.h"
 
 namespace rigcal::agent {
@@ -20,40 +20,18 @@ constexpr double kPartSigma = 0.5;  // radii; the centre of a part is within the
 constexpr double kWholePlacePx = 0.3, kWholePlaceShare = 0.03;
 constexpr double kWholeRadiusPx = 0.35, kWholeRadiusShare = 0.08;
 constexpr double kMaxPartialCost = 14;
-// Of two whole markers.
-constexpr size_t kMaxAlikePairs = 30;
-constexpr double kPairBrightness = 0.3, kPairColour = 0.12, kMaxPairCost = 12;
-constexpr double kLongest = 1.1, kSmallerPx = 0.5;  // than by radii; the mask leaves out the rim
+constexpr double kLongest = 1.1;  // than by radii
 constexpr double kMaxSizeCost = 9;
-// Of the stick between them.
-constexpr size_t kMostSticks = 150;  // pairs
-constexpr double kWorkOfStick = 8, kStickSeen = 0.7, kStickGain = 3, kNoStickCost = 4;
+// Of the stick.
+constexpr double kWorkOfStick = 8, kStickSeen = 0.7, kNoStickCost = 4;
 constexpr double kOffSphere = 1.15, kOffSpherePx = 1.5;
 constexpr double kInterrupted = 0.25, kCoveredCost = 3;  // where the middle one is covered
 constexpr double kCommonRadiusPx = 0.8;                  // of both, by blur and the mask's limit
 constexpr double kStepRadii = 0.25;  // along the line, between places that are looked at
 constexpr int kSteps = 48;           // of the ratio of their depths
-// Of a pixel that looks like them.
-constexpr float kDarkest = 0.6f, kBrightest = 1.5f, kColour = 0.13f;
-constexpr double kGapPx = 1.2, kGapRadii = 0.08, kLeastRingPx = 2, kRingRadii = 0.3;
-constexpr double kFinePartPx = 5;      // larger ones are read more coarsely
-constexpr double kWorkOfPixel = 0.25;  // against one that is measured
-// Of a part, against the whole marker.
-constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
-                 kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
-constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 1.5;
-// Of a sliver, blurred with what is around: as shares of the way from there to a whole marker.
-constexpr double kLeastSliverContrast = 50;  // grey levels, of a marker
-constexpr double kLeastCover = 0.2, kCoverSigmas = 4, kBusyCover = 0.1;
-constexpr double kCoverColour = 0.3;  // of the cover, across the way
-constexpr int kLeastSliverPixels = 3;
-constexpr double kLeastSliverPx = 1.5, kLeastSliverShare = 0.015, kSliverCost = 1.5;
-constexpr double kSliverPairCost = 4;  // of two markers that are worth the look
 constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
 
 double SquareOf(double x) { return x * x; }
-
-double RadiusOf(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::pi); }
 
 MarkerSight SightOf(const Blob& blob, const MarkerSight& ray) {
   MarkerSight sight = ray;
@@ -61,219 +39,6 @@ MarkerSight SightOf(const Blob& blob, const MarkerSight& ray) {
   sight.sigma_px = kWholePlacePx + kWholePlaceShare * sight.radius_px;
   sight.radius_sigma_px = kWholeRadiusPx + kWholeRadiusShare * sight.radius_px;
   return sight;
-}
-
-struct Pair {
-  double cost;
-  size_t first, last;
-  bool has_stick = false;
-};
-
-double StickBetween(const ImageView& image, const Blob& a, const Blob& b) {
-  const Eigen::Vector2d way = b.centre_px - a.centre_px;
-  const double ra = RadiusOf(a), rb = RadiusOf(b), length = way.norm();
-  const double begin = (kOffSphere * ra + kOffSpherePx) / length;
-  const double end = 1 - (kOffSphere * rb + kOffSpherePx) / length;
-  if (!(end > begin)) return 0;
-  return StickShare(image, a.centre_px + begin * way, a.centre_px + end * way, 0.5 * (ra + rb));
-}
-
-// Those that are alike, the most alike first.
-std::vector<Pair> AlikePairs(const ImageView& image, absl::Span<const WholeMarker> wholes,
-                             double longest_radii, double* work) {
-  std::vector<Pair> pairs;
-  for (size_t i = 0; i < wholes.size(); ++i) {
-    for (size_t j = i + 1; j < wholes.size(); ++j) {
-      const WholeMarker &a = wholes[i], &b = wholes[j];
-      const double ri = RadiusOf(a.blob), rj = RadiusOf(b.blob);
-      if (ri > 1.6 * rj + 1 || rj > 1.6 * ri + 1) continue;
-      const double apart_px = (a.blob.centre_px - b.blob.centre_px).norm();
-      if (apart_px < ri + rj || apart_px > longest_radii * (0.5 * (ri + rj) + kSmallerPx)) continue;
-      const float ga = std::max(1.0f, a.core.norm()), gb = std::max(1.0f, b.core.norm());
-      const double cost =
-          SquareOf(static_cast<double>(std::log(ga / gb)) / kPairBrightness) +
-          static_cast<double>((a.core / ga - b.core / gb).squaredNorm()) / SquareOf(kPairColour) +
-          a.doubt + b.doubt;
-      if (cost <= kMaxPairCost) pairs.push_back({cost, i, j});
-    }
-  }
-  std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
-    return std::tie(a.cost, a.first, a.last) < std::tie(b.cost, b.first, b.last);
-  });
-  if (pairs.size() > kMostSticks) pairs.resize(kMostSticks);
-  for (Pair& pair : pairs) {
-    *work -= kWorkOfStick;
-    pair.has_stick =
-        StickBetween(image, wholes[pair.first].blob, wholes[pair.last].blob) >= kStickSeen;
-    if (pair.has_stick) pair.cost = std::max(0.0, pair.cost - kStickGain);
-  }
-  std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
-    if (a.has_stick != b.has_stick) return a.has_stick;
-    return std::tie(a.cost, a.first, a.last) < std::tie(b.cost, b.first, b.last);
-  });
-  if (pairs.size() > kMaxAlikePairs) pairs.resize(kMaxAlikePairs);
-  return pairs;
-}
-
-// What is seen where a marker must be.
-struct Part {
-  double share = 0;   // of the marker's disc that looks like the others
-  double around = 0;  // the same of a ring around it
-  double cost = 0;
-  Blob blob;
-};
-
-void Count(int x, int y, ComponentSums* sums) {
-  sums->area += 1;
-  sums->x += x;
-  sums->y += y;
-  sums->xx += int64_t{x} * x;
-  sums->xy += int64_t{x} * y;
-  sums->yy += int64_t{y} * y;
-  sums->min_x = std::min(sums->min_x, x);
-  sums->max_x = std::max(sums->max_x, x);
-  sums->min_y = std::min(sums->min_y, y);
-  sums->max_y = std::max(sums->max_y, y);
-}
-
-// None where nothing of the others' look is there, or more than a marker of it.
-std::optional<Part> LookAt(const ImageView& image, const Eigen::Vector2d& centre_px,
-                           double radius_px, const Eigen::Vector3f& core, double* work) {
-  const double from = radius_px + kGapPx + kGapRadii * radius_px;
-  const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
-  const int step = std::clamp(static_cast<int>(radius_px / kFinePartPx), 1, 4);
-  const auto low = [&](double at) { return std::max(0, static_cast<int>(std::ceil(at - to))); };
-  const auto high = [&](double at, int size) {
-    return std::min(size - 1, static_cast<int>(std::floor(at + to)));
-  };
-  const float brightness = core.norm();
-  const Eigen::Vector3f colour = core / brightness;
-  int brighter = 0;
-  bool as_bright = false;  // the last pixel, whatever its colour
-  const auto is_alike = [&](int x, int y) {
-    *work -= kWorkOfPixel;
-    const Eigen::Vector3f grey = GreyAt(image, x, y);
-    const float length = grey.norm();
-    if (length >= kBrightest * brightness) ++brighter;
-    as_bright = length > kDarkest * brightness;
-    return length > kDarkest * brightness && length < kBrightest * brightness &&
-           (grey / length - colour).squaredNorm() < kColour * kColour;
-  };
-  const auto neighbours_alike = [&](int x, int y) {
-    if (x == 0 || y == 0 || x + 1 == image.width || y + 1 == image.height) return 0;
-    return int{is_alike(x - 1, y)} + int{is_alike(x + 1, y)} + int{is_alike(x, y - 1)} +
-           int{is_alike(x, y + 1)};
-  };
-  int disc = 0, ring = 0, around = 0, solid = 0, nearly_solid = 0, other = 0;
-  ComponentSums sums;
-  for (int y = low(centre_px.y()); y <= high(centre_px.y(), image.height); y += step) {
-    for (int x = low(centre_px.x()); x <= high(centre_px.x(), image.width); x += step) {
-      const double squared = SquareOf(x - centre_px.x()) + SquareOf(y - centre_px.y());
-      const bool inside = squared <= radius_px * radius_px;
-      if (!inside && (squared < from * from || squared > to * to)) continue;
-      (inside ? disc : ring) += 1;
-      const bool alike = is_alike(x, y);
-      if (inside && as_bright && !alike) ++other;
-      if (!alike) continue;
-      if (!inside) {
-        ++around;
-        continue;
-      }
-      const int neighbours = neighbours_alike(x, y);
-      solid += neighbours == 4 ? 1 : 0;
-      nearly_solid += neighbours >= 3 ? 1 : 0;
-      Count(x, y, &sums);
-    }
-  }
-  const double pixels = std::numbers::pi * radius_px * radius_px / (step * step);
-  if (disc < kInImage * pixels || ring == 0) return std::nullopt;
-  Part part;
-  part.share = static_cast<double>(sums.area) / disc;
-  part.around = static_cast<double>(around) / ring;
-  // The rim of something brighter has the others' colour by chance, but only a pixel wide.
-  if (brighter == 0) solid = nearly_solid;
-  // What hides a marker is hardly as bright as it is: that is a lamp or a label with a rim.
-  if (other > std::max(kMostOther * disc, kOtherShare * static_cast<double>(sums.area))) {
-    return std::nullopt;
-  }
-  if (part.share < kLeastShare || solid < std::max(kLeastSolid, kLeastSolidShare * disc) ||
-      part.around > kMostAround) {
-    return std::nullopt;
-  }
-  part.cost = SquareOf(part.around / kAroundSigma) +
-              kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
-  part.blob = ToBlob(sums, image);
-  return part;
-}
-
-// A sliver is a pixel or two wide, so that each of its pixels is a mixture with what is around.
-// None where nothing is mixed with the others' colour, or everything around differs as much.
-std::optional<Part> LookForSliver(const ImageView& image, const Eigen::Vector2d& centre_px,
-                                  double radius_px, const Eigen::Vector3f& core, double* work) {
-  const double from = radius_px + kGapPx + kGapRadii * radius_px;
-  const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
-  const int left = std::max(0, static_cast<int>(std::ceil(centre_px.x() - to)));
-  const int right = std::min(image.width - 1, static_cast<int>(std::floor(centre_px.x() + to)));
-  const int top = std::max(0, static_cast<int>(std::ceil(centre_px.y() - to)));
-  const int bottom = std::min(image.height - 1, static_cast<int>(std::floor(centre_px.y() + to)));
-  const auto squared = [&](int x, int y) {
-    return SquareOf(x - centre_px.x()) + SquareOf(y - centre_px.y());
-  };
-  Eigen::Vector3f around = Eigen::Vector3f::Zero();
-  Eigen::Matrix3f moments = Eigen::Matrix3f::Zero();
-  int ring = 0;
-  for (int y = top; y <= bottom; ++y) {
-    for (int x = left; x <= right; ++x) {
-      if (squared(x, y) < from * from || squared(x, y) > to * to) continue;
-      const Eigen::Vector3f grey = GreyAt(image, x, y);
-      around += grey;
-      moments += grey * grey.transpose();
-      ++ring;
-    }
-  }
-  *work -= kWorkOfPixel * (right - left + 1) * (bottom - top + 1);
-  if (ring < 8) return std::nullopt;
-  around /= static_cast<float>(ring);
-  moments = moments / static_cast<float>(ring) - around * around.transpose();
-  const Eigen::Vector3f way = core - around;
-  const auto length = static_cast<double>(way.norm());
-  if (length < kLeastSliverContrast) return std::nullopt;
-  const Eigen::Vector3f unit = way / way.norm();
-  const double sigma =
-      std::sqrt(std::max(0.0, static_cast<double>(unit.dot(moments * unit)))) / length;
-  if (sigma > kBusyCover) return std::nullopt;
-  const double least = std::max(kLeastCover, kCoverSigmas * sigma);
-  const auto cover = [&](int x, int y) {
-    const Eigen::Vector3f grey = GreyAt(image, x, y) - around;
-    const float along = grey.dot(unit);
-    const auto share = static_cast<double>(along) / length;
-    const double across = static_cast<double>((grey - along * unit).norm()) / length;
-    return share >= least && across < kCoverColour * share + sigma ? std::min(share, 1.0) : 0.0;
-  };
-  ComponentSums sums;
-  double area_px = 0;
-  int disc = 0;
-  for (int y = std::max(top, 1); y <= std::min(bottom, image.height - 2); ++y) {
-    for (int x = std::max(left, 1); x <= std::min(right, image.width - 2); ++x) {
-      if (squared(x, y) > radius_px * radius_px) continue;
-      ++disc;
-      const double share = cover(x, y);
-      if (!(share > 0)) continue;
-      // Noise is alone.
-      if (!(cover(x - 1, y) + cover(x + 1, y) + cover(x, y - 1) + cover(x, y + 1) > 0)) continue;
-      area_px += share;
-      Count(x, y, &sums);
-    }
-  }
-  if (disc == 0 || sums.area < kLeastSliverPixels ||
-      area_px < std::max(kLeastSliverPx, kLeastSliverShare * disc)) {
-    return std::nullopt;
-  }
-  Part part;
-  part.share = area_px / disc;
-  part.cost = kSliverCost + kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
-  part.blob = ToBlob(sums, image);
-  return part;
 }
 
 // Where a marker must be, if the other two are so far away.
@@ -298,7 +63,7 @@ class PartSearch {
   // `a` and `b` are markers first and second.
   void Try(const WholeMarker& a, const WholeMarker& b, size_t index_a, size_t index_b,
            const MarkerSight& sight_a, const MarkerSight& sight_b, const Layout& layout,
-           const Pair& pair) {
+           const AlikePair& pair) {
     const double pair_cost = pair.cost;
     const WandImageFitOptions& options = finder_.fit_options();
     const auto shares = finder_.shares();
@@ -311,11 +76,12 @@ class PartSearch {
     const double low = (1 - half) / (1 + half), high = (1 + half) / (1 - half);
     const Eigen::Vector3f core = 0.5f * (a.core + b.core);
     const double radius = 0.5 * (sight_a.radius_px + sight_b.radius_px);
-    std::optional<Part> best;
+    std::optional<HiddenPart> best;
     std::optional<Place> place;
     const auto look = [&] {
       ++found_.tried;
-      std::optional<Part> part = LookAt(image_, place->centre_px, place->radius_px, core, &work_);
+      std::optional<HiddenPart> part =
+          LookForPart(image_, place->centre_px, place->radius_px, core, &work_);
       if (!part) part = KnownAt(place->centre_px, place->radius_px, a, b);
       if (!part && pair_cost < kSliverPairCost) {
         part = LookForSliver(image_, place->centre_px, place->radius_px, core, &work_);
@@ -380,8 +146,8 @@ class PartSearch {
 
  private:
   // A sliver is darker than a whole marker, but where little has the wand's colour it may be known.
-  std::optional<Part> KnownAt(const Eigen::Vector2d& centre_px, double radius_px,
-                              const WholeMarker& a, const WholeMarker& b) const {
+  std::optional<HiddenPart> KnownAt(const Eigen::Vector2d& centre_px, double radius_px,
+                                    const WholeMarker& a, const WholeMarker& b) const {
     const double area_px = std::numbers::pi * radius_px * radius_px;
     for (const Blob& blob : known_parts_) {
       if ((blob.centre_px - centre_px).norm() > radius_px ||
@@ -390,7 +156,7 @@ class PartSearch {
           (blob.centre_px - b.blob.centre_px).norm() < radius_px) {
         continue;
       }
-      return Part{.share = 0, .around = 0, .cost = kKnownCost, .blob = blob};
+      return HiddenPart{.share = 0, .around = 0, .cost = kKnownCost, .blob = blob};
     }
     return std::nullopt;
   }
@@ -408,7 +174,7 @@ class PartSearch {
 
   // Something covers the stick where the marker must be, and where it would be the other way round
   // the stick is seen.
-  std::optional<Part> CoveredAt(const Place& place, const Blob& a, const Blob& b) {
+  std::optional<HiddenPart> CoveredAt(const Place& place, const Blob& a, const Blob& b) {
     const Eigen::Vector2d way = (b.centre_px - a.centre_px).normalized();
     const auto seen_at = [&](const Eigen::Vector2d& at_px) {
       work_ -= kWorkOfStick;
@@ -419,7 +185,7 @@ class PartSearch {
         seen_at(a.centre_px + b.centre_px - place.centre_px) < kStickSeen) {
       return std::nullopt;
     }
-    Part part{.share = 0, .around = 0, .cost = kCoveredCost, .blob = Blob()};
+    HiddenPart part{.share = 0, .around = 0, .cost = kCoveredCost, .blob = Blob()};
     part.blob.centre_px = place.centre_px;
     part.blob.area_px = static_cast<int>(std::numbers::pi * SquareOf(place.radius_px));
     part.blob.second_moment_px2 = 0.25 * SquareOf(place.radius_px) * Eigen::Matrix2d::Identity();
@@ -474,7 +240,7 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
   const double diameter_m = finder.fit_options().diameter_m;
   const double longest_radii = diameter_m > 0 ? kLongest * 2 * finder.length_m() / diameter_m
                                               : std::numeric_limits<double>::infinity();
-  for (const Pair& pair : AlikePairs(image, wholes, longest_radii, work)) {
+  for (const AlikePair& pair : AlikePairs(image, wholes, longest_radii, work)) {
     const WholeMarker &a = wholes[pair.first], &b = wholes[pair.last];
     MarkerSight ray_a, ray_b;
     if (!finder.Sight(a.blob.centre_px, &ray_a) || !finder.Sight(b.blob.centre_px, &ray_b)) {

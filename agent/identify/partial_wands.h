@@ -6,16 +6,10 @@
 
 #include "absl/types/span.h"
 #include "agent/detect/blobs/image_view.h"
+#include "agent/identify/alike_pairs.h"
 #include "agent/identify/wand_finder.h"
 
 namespace rigcal::agent {
-
-// A blob that can be a whole marker.
-struct WholeMarker {
-  Blob blob;
-  Eigen::Vector3f core;  // mean of its middle, by channel
-  double doubt = 0;      // that it is a sphere, as a chi-squared
-};
 
 struct PartialWands {
   std::vector<WandCandidate> candidates;  // by cost; blobs: index into `blobs`

@@ -35,19 +35,9 @@ constexpr double kCertain = 0.999;
 constexpr double kKnownPlace = 0.5;                 // of a radius
 constexpr double kOwnPlacePx = 1, kOwnPlace = 0.6;  // of a marker's centre, by its blob's radius
 // Of outlines.
-constexpr double kWorthALook = 0.1;      // confidence
-constexpr double kWorthRestoring = 16;   // cost of pose and likeness
-constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
-constexpr double kMostOffOutline = 0.15;
-constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
-constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
-constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
-constexpr int kNearRounds = 2;
-// What the other spheres say of one.
-constexpr double kByOthersRadiusPx = 0.1, kByOthersRadiusShare = 0.03, kOtherStretch = 0.03,
-                 kOtherEdgePx2 = 0.3;
-constexpr double kByOthersCost = 1.5;  // its own size says nothing then
-constexpr double kWorkOfFit = 500;     // in the pixels that a measurement reads
+constexpr double kWorthALook = 0.1;     // confidence
+constexpr double kWorthRestoring = 16;  // cost of pose and likeness
+constexpr double kByOthersCost = 1.5;   // its own size says nothing then
 constexpr size_t kMaxOutlined = 6;
 constexpr double kNoOutlineCost = 9, kLargeNoOutlineCost = 3;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
@@ -71,13 +61,6 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
 bool IsInBlob(const Eigen::Vector2d& centre_px, const Blob& blob) {
   const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
   return (centre_px - blob.centre_px).norm() < kOwnPlacePx + kOwnPlace * radius_px;
-}
-
-// Beyond the border there is nothing to be seen of an outline, but nothing else either.
-bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut = false) {
-  return outline && outline->on_outline >= (is_cut ? kLeastOfCutOutline : kLeastOnOutline) &&
-         outline->off_outline <= (is_cut ? kMostOffCutOutline : kMostOffOutline) &&
-         outline->stretch.norm() <= kMostStretch + kMostStretchPx / outline->radius_px;
 }
 
 // None of the markers has a colour.
@@ -106,37 +89,6 @@ double WandVerifier::ConfidenceOf(double cost) const {
   return 1 / (1 + std::exp((cost + chance_cost_ - kHalfCost) / kCostScale));
 }
 
-// None where the time for it is up.
-const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
-                                                    absl::Span<const Blob> blobs, int blob) {
-  int& index = measured_of_[static_cast<size_t>(blob)];
-  const Blob& seen = blobs[static_cast<size_t>(blob)];
-  for (size_t i = 0; index < 0 && i < measured_count_; ++i) {
-    const bool same =
-        measured_[i].blob_px == seen.centre_px && measured_[i].blob_area_px == seen.area_px;
-    if (same) index = static_cast<int>(i);
-  }
-  if (index >= 0) return &measured_[static_cast<size_t>(index)];
-  const double work = MarkerMeter::WorkOf(seen);
-  if (work > work_) {
-    out_of_work_ = true;
-    return nullptr;
-  }
-  work_ -= work;
-  if (measured_count_ == measured_.size()) measured_.emplace_back();
-  index = static_cast<int>(measured_count_);
-  Measured& measured = measured_[measured_count_++];
-  measured.blob_px = seen.centre_px;
-  measured.blob_area_px = seen.area_px;
-  measured.tried = measured.retried = measured.by_others = false;
-  measured.outline.reset();
-  measured.beside.reset();
-  measured.good = meter_.Measure(image, seen, &measured.centre) &&
-                  measured.centre.contrast_grey >= kMinContrastGrey;
-  if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
-  return &measured;
-}
-
 // Something behind a marker moves and skews its centroid, but not its outline.
 void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
                            VerifiedWand* wand) {
@@ -162,13 +114,13 @@ void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
     const bool is_cut = centre.cut || blobs[static_cast<size_t>(wand->blobs[k])].touches_border;
     const bool may_be = centre.contrast_grey > 0 && HiddenShare(*wand, k) < kMostHidden &&
                         centre.alike < kMostAlike;
-    if (may_be && restore(k, OutlineOf(image, wand->blobs[k]))) continue;
+    if (may_be && restore(k, markers_.OutlineOf(image, wand->blobs[k]))) continue;
     lost.push_back(k);
     if (may_be && !is_cut) to_retry.push_back(k);
     // With two that are not whole it is no wand.
     if (lost.size() > 1) return;
   }
-  for (const size_t k : to_retry) restore(k, OutlineIn(image, *wand, k));
+  for (const size_t k : to_retry) restore(k, markers_.OutlineIn(image, *wand, k));
 }
 
 std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
@@ -185,7 +137,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       wand.whole.push_back(false);
       continue;
     }
-    const Measured* const measured = Measure(image, blobs, index);
+    const MeasuredMarker* const measured = markers_.Measure(image, blobs, index);
     if (measured == nullptr || !measured->good) return std::nullopt;
     wand.centres.push_back(measured->centre);
     // Another sphere of the wand looks like it.
@@ -196,7 +148,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       const double share = OverlapShare(blob, its);
       if (!(share > 0)) continue;
       wand.centres[k].alike -= share;
-      OfBlob(index).beside = its;
+      markers_.OfBlob(index).beside = its;
     }
     if (wand.centres[k].alike >= kMostAlike) return std::nullopt;
     // With something else near its outline decides.
@@ -333,115 +285,6 @@ Verdict WandVerifier::Choose() {
   return verdict;
 }
 
-const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& image, int blob) {
-  Measured& measured = OfBlob(blob);
-  if (measured.tried) return measured.outline;
-  const double work = kWorkOfFit * (measured.centre.has_neighbour ? kNearRounds : 1);
-  if (work > work_) {
-    out_of_work_ = true;
-    return measured.outline;
-  }
-  work_ -= work;
-  measured.tried = true;
-  const MarkerCentre& centre = measured.centre;
-  SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
-  Eigen::Matrix2d second_moment_px2 = centre.second_moment_px2;
-  // What the border leaves of a disc says nothing of its shape.
-  if (centre.cut) {
-    second_moment_px2 = 0.25 * Squared(centre.radius_px) * Eigen::Matrix2d::Identity();
-  }
-  if (!centre.has_neighbour && !measured.beside) {
-    if (fitter_.Fit(measured.pixels, second_moment_px2, {}, &outline)) {
-      measured.outline = outline;
-    }
-    return measured.outline;
-  }
-  // What is beside it can be told once it is known where that is.
-  Blob around;
-  around.centre_px = centre.centre_px;
-  around.second_moment_px2 = centre.second_moment_px2;
-  for (int round = 0; round < kNearRounds; ++round) {
-    if (!meter_.CollectNear(image, around, centre, &measured.pixels)) return measured.outline;
-    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &measured.pixels);
-    outline.parameters.setZero();
-    if (!fitter_.Fit(measured.pixels, round == 0 ? second_moment_px2 : around.second_moment_px2, {},
-                     &outline)) {
-      return measured.outline;
-    }
-    if (outline.on_outline < kHardlyOnOutline) return measured.outline;
-    around.centre_px = outline.centre_px;
-    around.second_moment_px2 = outline.SecondMoment();
-  }
-  measured.outline = outline;
-  return measured.outline;
-}
-
-bool WandVerifier::ExpectFromOthers(const ImageView& image, const VerifiedWand& wand, size_t marker,
-                                    OutlineExpectation* expected,
-                                    Eigen::Matrix2d* second_moment_px2) {
-  if (wand.px_per_m.size() != wand.blobs.size()) return false;
-  *expected = OutlineExpectation();
-  second_moment_px2->setZero();
-  int count = 0;
-  for (size_t k = 0; k < wand.blobs.size(); ++k) {
-    if (k == marker || !wand.whole[k]) continue;
-    const auto& outline = OutlineOf(image, wand.blobs[k]);
-    if (!IsOnOutline(outline)) continue;
-    const double scale = wand.px_per_m[marker] / wand.px_per_m[k];
-    expected->radius_px += scale * outline->radius_px;
-    expected->stretch += outline->stretch;
-    expected->edge_px2 += Squared(outline->edge_px);
-    *second_moment_px2 += Squared(scale) * outline->SecondMoment();
-    ++count;
-  }
-  if (count == 0 || count + 1 < static_cast<int>(wand.blobs.size())) return false;
-  expected->radius_px /= count;
-  expected->stretch /= count;
-  expected->edge_px2 /= count;
-  *second_moment_px2 /= count;
-  expected->radius_sigma_px = kByOthersRadiusPx + kByOthersRadiusShare * expected->radius_px;
-  expected->stretch_sigma = kOtherStretch;
-  expected->edge_sigma_px2 = kOtherEdgePx2;
-  return true;
-}
-
-const std::optional<SphereOutline>& WandVerifier::OutlineIn(const ImageView& image,
-                                                            const VerifiedWand& wand,
-                                                            size_t marker) {
-  const auto& outline = OutlineOf(image, wand.blobs[marker]);
-  Measured& measured = OfBlob(wand.blobs[marker]);
-  const MarkerCentre& centre = measured.centre;
-  OutlineExpectation expected;
-  Blob around;
-  if (IsOnOutline(outline) || measured.retried || !measured.tried ||
-      !ExpectFromOthers(image, wand, marker, &expected, &around.second_moment_px2)) {
-    return outline;
-  }
-  if (kWorkOfFit * kNearRounds > work_) {
-    out_of_work_ = true;
-    return outline;
-  }
-  work_ -= kWorkOfFit * kNearRounds;
-  measured.retried = true;
-  around.centre_px = centre.centre_px;
-  SphereOutline again{.centre_px = centre.centre_px, .radius_px = expected.radius_px};
-  for (int round = 0; round < kNearRounds; ++round) {
-    again.parameters.setZero();
-    if (!meter_.CollectNear(image, around, centre, &retry_)) return outline;
-    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &retry_);
-    if (!fitter_.Fit(retry_, around.second_moment_px2, {}, &again, expected)) {
-      return outline;
-    }
-    around.centre_px = again.centre_px;
-    around.second_moment_px2 = again.SecondMoment();
-  }
-  if (!IsOnOutline(again)) return outline;
-  measured.outline = again;
-  measured.by_others = true;
-  std::swap(measured.pixels, retry_);
-  return measured.outline;
-}
-
 // The cost of shapes that are not those of spheres: of the outlines' fits, and of ellipses that
 // differ within the wand. Motion stretches all spheres alike.
 double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand) {
@@ -451,13 +294,13 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     if (!wand.whole[k]) continue;
     const MarkerCentre& centre = wand.centres[k];
-    const auto& outline = OutlineIn(image, wand, k);
+    const auto& outline = markers_.OutlineIn(image, wand, k);
     if (!outline) {
       // A notch, by the stick in front of it, is enough that none can be fitted to a large one.
       cost += centre.radius_px > kResolvedPx ? kLargeNoOutlineCost : kNoOutlineCost;
       continue;
     }
-    if (OfBlob(wand.blobs[k]).by_others) cost += kByOthersCost;
+    if (markers_.OfBlob(wand.blobs[k]).by_others) cost += kByOthersCost;
     const double noise = centre.noise_grey / centre.contrast_grey;
     const double residual = outline->residual * std::hypot(noise, kMeterNoise);
     const double misfit =
@@ -484,16 +327,11 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
 void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   OutlinedMarkers markers(wand->blobs.size());
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
-    if (!wand->whole[k] || !OutlineOf(image, wand->blobs[k])) continue;
-    const Measured& measured = OfBlob(wand->blobs[k]);
+    if (!wand->whole[k] || !markers_.OutlineOf(image, wand->blobs[k])) continue;
+    const MeasuredMarker& measured = markers_.OfBlob(wand->blobs[k]);
     markers[k] = {&*measured.outline, &measured.pixels};
   }
-  SetOutlinedCentres(markers, &fitter_, wand);
-}
-
-void WandVerifier::StartImage() {
-  measured_count_ = 0;
-  meter_.StartImage();
+  SetOutlinedCentres(markers, markers_.fitter(), wand);
 }
 
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
@@ -501,20 +339,18 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
                              int tried, bool in_room, double* work) {
   chance_cost_ = kTriedCost * std::log(1 + tried / kFewTried);
   in_room_ = in_room;
-  work_ = *work;
-  out_of_work_ = false;
+  markers_.StartSearch(blobs.size(), *work);
   size_t count = 0;
-  measured_of_.assign(blobs.size(), -1);
   evaluated_.clear();
   double best = kHalfCost;
   for (const WandCandidate& candidate : candidates) {
     if (candidate.cost > best + kClearlyWorse) break;
     if (IsKnown(candidate, blobs)) {
-      count += out_of_work_ ? 0 : 1;
+      count += markers_.is_out_of_work() ? 0 : 1;
       continue;
     }
     auto wand = EvaluateOne(image, blobs, finder, candidate);
-    if (!out_of_work_) ++count;
+    if (!markers_.is_out_of_work()) ++count;
     if (!wand.has_value()) continue;
     if (wand->cost < best) best = std::min(best, wand->cost + ShapeCost(image, *wand));
     evaluated_.push_back(*std::move(wand));
@@ -531,8 +367,8 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   }
   Verdict verdict = Choose();
   verdict.measured = count;
-  verdict.left_out = out_of_work_;
-  *work = work_;
+  verdict.left_out = markers_.is_out_of_work();
+  *work = markers_.work();
   return verdict;
 }
 

@@ -4,8 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "agent/identify/marker_centre.h"
-#include "agent/identify/sphere_outline_fit.h"
+#include "agent/identify/measured_markers.h"
 #include "agent/identify/verified_wand.h"
 #include "agent/identify/wand_finder.h"
 
@@ -30,7 +29,7 @@ class WandVerifier {
   explicit WandVerifier(double min_confidence) : min_confidence_(min_confidence) {}
 
   // Before the first Verify of an image. What was measured of it is not measured again.
-  void StartImage();
+  void StartImage() { markers_.StartImage(); }
 
   // Candidates by their costs; what is clearly worse than a wand that was found is not measured.
   // `tried`: sets of blobs of this image that were compared with the wand; the more, the better a
@@ -43,32 +42,10 @@ class WandVerifier {
   void FitOutlines(const ImageView& image, VerifiedWand* wand);
 
  private:
-  struct Measured {
-    Eigen::Vector2d blob_px = Eigen::Vector2d::Zero();  // where and how large the blob is
-    int blob_area_px = 0;
-    bool good = false;
-    MarkerCentre centre;
-    OutlinePixels pixels;
-    bool tried = false, retried = false;   // to fit
-    bool by_others = false;                // with what they say of it
-    std::optional<SphereOutline> outline;  // shaded
-    std::optional<Blob> beside;            // another marker that it overlaps with
-  };
-  Measured& OfBlob(int blob) {
-    return measured_[static_cast<size_t>(measured_of_[static_cast<size_t>(blob)])];
-  }
-  const Measured* Measure(const ImageView& image, absl::Span<const Blob> blobs, int blob);
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
   bool IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const;
   Verdict Choose();
-  const std::optional<SphereOutline>& OutlineOf(const ImageView& image, int blob);
-  // The same of a marker of a wand, whose others say how large and how blurred it is where it
-  // cannot be told from what is around it.
-  const std::optional<SphereOutline>& OutlineIn(const ImageView& image, const VerifiedWand& wand,
-                                                size_t marker);
-  bool ExpectFromOthers(const ImageView& image, const VerifiedWand& wand, size_t marker,
-                        OutlineExpectation* expected, Eigen::Matrix2d* second_moment_px2);
   static bool FitPose(const WandFinder& finder, int partial, VerifiedWand* wand);
   // Takes markers for whole by their outlines.
   void Restore(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand);
@@ -78,14 +55,7 @@ class WandVerifier {
   double min_confidence_;
   double chance_cost_ = 0;
   bool in_room_ = false;
-  MarkerMeter meter_;
-  SphereOutlineFitter fitter_;
-  OutlinePixels retry_;
-  std::vector<Measured> measured_;  // the first measured_count_ are of this image
-  size_t measured_count_ = 0;
-  std::vector<int> measured_of_;  // by blob of this Verify: index into measured_; -1: none
-  double work_ = 0;               // left
-  bool out_of_work_ = false;
+  MeasuredMarkers markers_;
   std::vector<VerifiedWand> evaluated_;
 };
 

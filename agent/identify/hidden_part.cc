@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/hidden_part.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+
+#include "agent/identify/ring_background.h"
+
+namespace rigcal::agent {
+namespace {
+
+// Of a pixel that looks like them.
+constexpr float kDarkest = 0.6f, kBrightest = 1.5f, kColour = 0.13f;
+constexpr double kGapPx = 1.2, kGapRadii = 0.08, kLeastRingPx = 2, kRingRadii = 0.3;
+constexpr double kFinePartPx = 5;      // larger ones are read more coarsely
+constexpr double kWorkOfPixel = 0.25;  // against one that is measured
+// Of a part, against the whole marker.
+constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
+                 kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
+constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 1.5;
+// Of a sliver, blurred with what is around: as shares of the way from there to a whole marker.
+constexpr double kLeastSliverContrast = 50;  // grey levels, of a marker
+constexpr double kLeastCover = 0.2, kCoverSigmas = 4, kBusyCover = 0.1;
+constexpr double kCoverColour = 0.3;  // of the cover, across the way
+constexpr int kLeastSliverPixels = 3;
+constexpr double kLeastSliverPx = 1.5, kLeastSliverShare = 0.015, kSliverCost = 1.5;
+constexpr double kSliverPairCost = 4;  // of two markers that are worth the look
+
+double PartSquare(double x) { return x * x; }
+
+void Count(int x, int y, ComponentSums* sums) {
+  sums->area += 1;
+  sums->x += x;
+  sums->y += y;
+  sums->xx += int64_t{x} * x;
+  sums->xy += int64_t{x} * y;
+  sums->yy += int64_t{y} * y;
+  sums->min_x = std::min(sums->min_x, x);
+  sums->max_x = std::max(sums->max_x, x);
+  sums->min_y = std::min(sums->min_y, y);
+  sums->max_y = std::max(sums->max_y, y);
+}
+
+}  // namespace
+
+std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vector2d& centre_px,
+                                      double radius_px, const Eigen::Vector3f& core, double* work) {
+  const double from = radius_px + kGapPx + kGapRadii * radius_px;
+  const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
+  const int step = std::clamp(static_cast<int>(radius_px / kFinePartPx), 1, 4);
+  const auto low = [&](double at) { return std::max(0, static_cast<int>(std::ceil(at - to))); };
+  const auto high = [&](double at, int size) {
+    return std::min(size - 1, static_cast<int>(std::floor(at + to)));
+  };
+  const float brightness = core.norm();
+  const Eigen::Vector3f colour = core / brightness;
+  int brighter = 0;
+  bool as_bright = false;  // the last pixel, whatever its colour
+  const auto is_alike = [&](int x, int y) {
+    *work -= kWorkOfPixel;
+    const Eigen::Vector3f grey = GreyAt(image, x, y);
+    const float length = grey.norm();
+    if (length >= kBrightest * brightness) ++brighter;
+    as_bright = length > kDarkest * brightness;
+    return length > kDarkest * brightness && length < kBrightest * brightness &&
+           (grey / length - colour).squaredNorm() < kColour * kColour;
+  };
+  const auto neighbours_alike = [&](int x, int y) {
+    if (x == 0 || y == 0 || x + 1 == image.width || y + 1 == image.height) return 0;
+    return int{is_alike(x - 1, y)} + int{is_alike(x + 1, y)} + int{is_alike(x, y - 1)} +
+           int{is_alike(x, y + 1)};
+  };
+  int disc = 0, ring = 0, around = 0, solid = 0, nearly_solid = 0, other = 0;
+  ComponentSums sums;
+  for (int y = low(centre_px.y()); y <= high(centre_px.y(), image.height); y += step) {
+    for (int x = low(centre_px.x()); x <= high(centre_px.x(), image.width); x += step) {
+      const double squared = PartSquare(x - centre_px.x()) + PartSquare(y - centre_px.y());
+      const bool inside = squared <= radius_px * radius_px;
+      if (!inside && (squared < from * from || squared > to * to)) continue;
+      (inside ? disc : ring) += 1;
+      const bool alike = is_alike(x, y);
+      if (inside && as_bright && !alike) ++other;
+      if (!alike) continue;
+      if (!inside) {
+        ++around;
+        continue;
+      }
+      const int neighbours = neighbours_alike(x, y);
+      solid += neighbours == 4 ? 1 : 0;
+      nearly_solid += neighbours >= 3 ? 1 : 0;
+      Count(x, y, &sums);
+    }
+  }
+  const double pixels = std::numbers::pi * radius_px * radius_px / (step * step);
+  if (disc < kInImage * pixels || ring == 0) return std::nullopt;
+  HiddenPart part;
+  part.share = static_cast<double>(sums.area) / disc;
+  part.around = static_cast<double>(around) / ring;
+  // The rim of something brighter has the others' colour by chance, but only a pixel wide.
+  if (brighter == 0) solid = nearly_solid;
+  // What hides a marker is hardly as bright as it is: that is a lamp or a label with a rim.
+  if (other > std::max(kMostOther * disc, kOtherShare * static_cast<double>(sums.area))) {
+    return std::nullopt;
+  }
+  if (part.share < kLeastShare || solid < std::max(kLeastSolid, kLeastSolidShare * disc) ||
+      part.around > kMostAround) {
+    return std::nullopt;
+  }
+  part.cost = PartSquare(part.around / kAroundSigma) +
+              kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
+  part.blob = ToBlob(sums, image);
+  return part;
+}
+
+std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vector2d& centre_px,
+                                        double radius_px, const Eigen::Vector3f& core,
+                                        double* work) {
+  const double from = radius_px + kGapPx + kGapRadii * radius_px;
+  const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
+  const int left = std::max(0, static_cast<int>(std::ceil(centre_px.x() - to)));
+  const int right = std::min(image.width - 1, static_cast<int>(std::floor(centre_px.x() + to)));
+  const int top = std::max(0, static_cast<int>(std::ceil(centre_px.y() - to)));
+  const int bottom = std::min(image.height - 1, static_cast<int>(std::floor(centre_px.y() + to)));
+  const auto squared = [&](int x, int y) {
+    return PartSquare(x - centre_px.x()) + PartSquare(y - centre_px.y());
+  };
+  Eigen::Vector3f around = Eigen::Vector3f::Zero();
+  Eigen::Matrix3f moments = Eigen::Matrix3f::Zero();
+  int ring = 0;
+  for (int y = top; y <= bottom; ++y) {
+    for (int x = left; x <= right; ++x) {
+      if (squared(x, y) < from * from || squared(x, y) > to * to) continue;
+      const Eigen::Vector3f grey = GreyAt(image, x, y);
+      around += grey;
+      moments += grey * grey.transpose();
+      ++ring;
+    }
+  }
+  *work -= kWorkOfPixel * (right - left + 1) * (bottom - top + 1);
+  if (ring < 8) return std::nullopt;
+  around /= static_cast<float>(ring);
+  moments = moments / static_cast<float>(ring) - around * around.transpose();
+  const Eigen::Vector3f way = core - around;
+  const auto length = static_cast<double>(way.norm());
+  if (length < kLeastSliverContrast) return std::nullopt;
+  const Eigen::Vector3f unit = way / way.norm();
+  const double sigma =
+      std::sqrt(std::max(0.0, static_cast<double>(unit.dot(moments * unit)))) / length;
+  if (sigma > kBusyCover) return std::nullopt;
+  const double least = std::max(kLeastCover, kCoverSigmas * sigma);
+  const auto cover = [&](int x, int y) {
+    const Eigen::Vector3f grey = GreyAt(image, x, y) - around;
+    const float along = grey.dot(unit);
+    const auto share = static_cast<double>(along) / length;
+    const double across = static_cast<double>((grey - along * unit).norm()) / length;
+    return share >= least && across < kCoverColour * share + sigma ? std::min(share, 1.0) : 0.0;
+  };
+  ComponentSums sums;
+  double area_px = 0;
+  int disc = 0;
+  for (int y = std::max(top, 1); y <= std::min(bottom, image.height - 2); ++y) {
+    for (int x = std::max(left, 1); x <= std::min(right, image.width - 2); ++x) {
+      if (squared(x, y) > radius_px * radius_px) continue;
+      ++disc;
+      const double share = cover(x, y);
+      if (!(share > 0)) continue;
+      // Noise is alone.
+      if (!(cover(x - 1, y) + cover(x + 1, y) + cover(x, y - 1) + cover(x, y + 1) > 0)) continue;
+      area_px += share;
+      Count(x, y, &sums);
+    }
+  }
+  if (disc == 0 || sums.area < kLeastSliverPixels ||
+      area_px < std::max(kLeastSliverPx, kLeastSliverShare * disc)) {
+    return std::nullopt;
+  }
+  HiddenPart part;
+  part.share = area_px / disc;
+  part.cost = kSliverCost + kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
+  part.blob = ToBlob(sums, image);
+  return part;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "agent/detect/blobs/blob_finder.h"
+#include "agent/detect/blobs/image_view.h"
+
+namespace rigcal::agent {
+
+// What is seen where a marker must be.
+struct HiddenPart {
+  double share = 0;   // of the marker's disc that looks like the others
+  double around = 0;  // the same of a ring around it
+  double cost = 0;
+  Blob blob;
+};
+
+// What is seen of a marker that must be at `centre_px` with `radius_px` and looks like `core` (by
+// channel). None where nothing of that look is there, or more than a marker of it. `work`: pixels
+// that may be read, less those that were.
+std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vector2d& centre_px,
+                                      double radius_px, const Eigen::Vector3f& core, double* work);
+
+// The same of a sliver, a pixel or two wide, so that each of its pixels is a mixture with what is
+// around. None where nothing is mixed with the others' colour, or everything around differs as
+// much.
+std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vector2d& centre_px,
+                                        double radius_px, const Eigen::Vector3f& core,
+                                        double* work);
+
+}  // namespace rigcal::agent

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/measured_markers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "agent/detect/blobs/blob_contrast.h"
+#include "agent/identify/overlapping_markers.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
+constexpr double kMostOffOutline = 0.15;
+constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
+constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
+constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
+constexpr int kNearRounds = 2;
+// What the other spheres say of one.
+constexpr double kByOthersRadiusPx = 0.1, kByOthersRadiusShare = 0.03, kOtherStretch = 0.03,
+                 kOtherEdgePx2 = 0.3;
+constexpr double kWorkOfFit = 500;  // in the pixels that a measurement reads
+
+double MarkerSquare(double x) { return x * x; }
+
+}  // namespace
+
+bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut) {
+  return outline && outline->on_outline >= (is_cut ? kLeastOfCutOutline : kLeastOnOutline) &&
+         outline->off_outline <= (is_cut ? kMostOffCutOutline : kMostOffOutline) &&
+         outline->stretch.norm() <= kMostStretch + kMostStretchPx / outline->radius_px;
+}
+
+void MeasuredMarkers::StartImage() {
+  count_ = 0;
+  meter_.StartImage();
+}
+
+void MeasuredMarkers::StartSearch(size_t blob_count, double work) {
+  index_of_.assign(blob_count, -1);
+  work_ = work;
+  out_of_work_ = false;
+}
+
+bool MeasuredMarkers::MayWork(double work) {
+  if (work > work_) {
+    out_of_work_ = true;
+    return false;
+  }
+  work_ -= work;
+  return true;
+}
+
+const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Span<const Blob> blobs,
+                                               int blob) {
+  int& index = index_of_[static_cast<size_t>(blob)];
+  const Blob& seen = blobs[static_cast<size_t>(blob)];
+  for (size_t i = 0; index < 0 && i < count_; ++i) {
+    const bool same =
+        markers_[i].blob_px == seen.centre_px && markers_[i].blob_area_px == seen.area_px;
+    if (same) index = static_cast<int>(i);
+  }
+  if (index >= 0) return &markers_[static_cast<size_t>(index)];
+  const double work = MarkerMeter::WorkOf(seen);
+  if (!MayWork(work)) return nullptr;
+  if (count_ == markers_.size()) markers_.emplace_back();
+  index = static_cast<int>(count_);
+  MeasuredMarker& measured = markers_[count_++];
+  measured.blob_px = seen.centre_px;
+  measured.blob_area_px = seen.area_px;
+  measured.tried = measured.retried = measured.by_others = false;
+  measured.outline.reset();
+  measured.beside.reset();
+  measured.good = meter_.Measure(image, seen, &measured.centre) &&
+                  measured.centre.contrast_grey >= kMinContrastGrey;
+  if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
+  return &measured;
+}
+
+const std::optional<SphereOutline>& MeasuredMarkers::OutlineOf(const ImageView& image, int blob) {
+  MeasuredMarker& measured = OfBlob(blob);
+  if (measured.tried) return measured.outline;
+  const double work = kWorkOfFit * (measured.centre.has_neighbour ? kNearRounds : 1);
+  if (!MayWork(work)) return measured.outline;
+  measured.tried = true;
+  const MarkerCentre& centre = measured.centre;
+  SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
+  Eigen::Matrix2d second_moment_px2 = centre.second_moment_px2;
+  // What the border leaves of a disc says nothing of its shape.
+  if (centre.cut) {
+    second_moment_px2 = 0.25 * MarkerSquare(centre.radius_px) * Eigen::Matrix2d::Identity();
+  }
+  if (!centre.has_neighbour && !measured.beside) {
+    if (fitter_.Fit(measured.pixels, second_moment_px2, {}, &outline)) {
+      measured.outline = outline;
+    }
+    return measured.outline;
+  }
+  // What is beside it can be told once it is known where that is.
+  Blob around;
+  around.centre_px = centre.centre_px;
+  around.second_moment_px2 = centre.second_moment_px2;
+  for (int round = 0; round < kNearRounds; ++round) {
+    if (!meter_.CollectNear(image, around, centre, &measured.pixels)) return measured.outline;
+    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &measured.pixels);
+    outline.parameters.setZero();
+    if (!fitter_.Fit(measured.pixels, round == 0 ? second_moment_px2 : around.second_moment_px2, {},
+                     &outline)) {
+      return measured.outline;
+    }
+    if (outline.on_outline < kHardlyOnOutline) return measured.outline;
+    around.centre_px = outline.centre_px;
+    around.second_moment_px2 = outline.SecondMoment();
+  }
+  measured.outline = outline;
+  return measured.outline;
+}
+
+bool MeasuredMarkers::ExpectFromOthers(const ImageView& image, const VerifiedWand& wand,
+                                       size_t marker, OutlineExpectation* expected,
+                                       Eigen::Matrix2d* second_moment_px2) {
+  if (wand.px_per_m.size() != wand.blobs.size()) return false;
+  *expected = OutlineExpectation();
+  second_moment_px2->setZero();
+  int count = 0;
+  for (size_t k = 0; k < wand.blobs.size(); ++k) {
+    if (k == marker || !wand.whole[k]) continue;
+    const auto& outline = OutlineOf(image, wand.blobs[k]);
+    if (!IsOnOutline(outline)) continue;
+    const double scale = wand.px_per_m[marker] / wand.px_per_m[k];
+    expected->radius_px += scale * outline->radius_px;
+    expected->stretch += outline->stretch;
+    expected->edge_px2 += MarkerSquare(outline->edge_px);
+    *second_moment_px2 += MarkerSquare(scale) * outline->SecondMoment();
+    ++count;
+  }
+  if (count == 0 || count + 1 < static_cast<int>(wand.blobs.size())) return false;
+  expected->radius_px /= count;
+  expected->stretch /= count;
+  expected->edge_px2 /= count;
+  *second_moment_px2 /= count;
+  expected->radius_sigma_px = kByOthersRadiusPx + kByOthersRadiusShare * expected->radius_px;
+  expected->stretch_sigma = kOtherStretch;
+  expected->edge_sigma_px2 = kOtherEdgePx2;
+  return true;
+}
+
+const std::optional<SphereOutline>& MeasuredMarkers::OutlineIn(const ImageView& image,
+                                                               const VerifiedWand& wand,
+                                                               size_t marker) {
+  const auto& outline = OutlineOf(image, wand.blobs[marker]);
+  MeasuredMarker& measured = OfBlob(wand.blobs[marker]);
+  const MarkerCentre& centre = measured.centre;
+  OutlineExpectation expected;
+  Blob around;
+  if (IsOnOutline(outline) || measured.retried || !measured.tried ||
+      !ExpectFromOthers(image, wand, marker, &expected, &around.second_moment_px2)) {
+    return outline;
+  }
+  if (!MayWork(kWorkOfFit * kNearRounds)) return outline;
+  measured.retried = true;
+  around.centre_px = centre.centre_px;
+  SphereOutline again{.centre_px = centre.centre_px, .radius_px = expected.radius_px};
+  for (int round = 0; round < kNearRounds; ++round) {
+    again.parameters.setZero();
+    if (!meter_.CollectNear(image, around, centre, &retry_)) return outline;
+    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &retry_);
+    if (!fitter_.Fit(retry_, around.second_moment_px2, {}, &again, expected)) {
+      return outline;
+    }
+    around.centre_px = again.centre_px;
+    around.second_moment_px2 = again.SecondMoment();
+  }
+  if (!IsOnOutline(again)) return outline;
+  measured.outline = again;
+  measured.by_others = true;
+  std::swap(measured.pixels, retry_);
+  return measured.outline;
+}
+
+}  // namespace rigcal::agent

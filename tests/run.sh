@@ -33,8 +33,7 @@ fi
 export OMP_THREAD_LIMIT=1
 log=build/$preset/ctest.log
 status=0
-# Many tests wait for processes and clocks.
-ctest --preset "$preset" -j "$((jobs + 1))" "$@" 2>&1 | tee "$log" || status=$?
+ctest --preset "$preset" -j "$jobs" "$@" 2>&1 | tee "$log" || status=$?
 
 if grep -q '(Skipped)' "$log"; then
   echo

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <tuple>
 
+#include "agent/identify/squared.h"
 #include "agent/identify/stick_sight.h"
 
 namespace rigcal::agent {
@@ -15,19 +16,7 @@ constexpr size_t kMaxAlikePairs = 30;
 constexpr double kPairBrightness = 0.3, kPairColour = 0.12, kMaxPairCost = 12;
 constexpr double kSmallerPx = 0.5;   // than by radii: the mask leaves out the rim
 constexpr size_t kMostSticks = 150;  // pairs
-constexpr double kPairStickWork = 8, kPairStickSeen = 0.7, kStickGain = 3;
-constexpr double kPairOff = 1.15, kPairOffPx = 1.5;
-
-double PairSquare(double x) { return x * x; }
-
-double StickBetween(const ImageView& image, const Blob& a, const Blob& b) {
-  const Eigen::Vector2d way = b.centre_px - a.centre_px;
-  const double ra = RadiusOf(a), rb = RadiusOf(b), length = way.norm();
-  const double begin = (kPairOff * ra + kPairOffPx) / length;
-  const double end = 1 - (kPairOff * rb + kPairOffPx) / length;
-  if (!(end > begin)) return 0;
-  return StickShare(image, a.centre_px + begin * way, a.centre_px + end * way, 0.5 * (ra + rb));
-}
+constexpr double kStickGain = 3;
 
 }  // namespace
 
@@ -45,8 +34,8 @@ std::vector<AlikePair> AlikePairs(const ImageView& image, absl::Span<const Whole
       if (apart_px < ri + rj || apart_px > longest_radii * (0.5 * (ri + rj) + kSmallerPx)) continue;
       const float ga = std::max(1.0f, a.core.norm()), gb = std::max(1.0f, b.core.norm());
       const double cost =
-          PairSquare(static_cast<double>(std::log(ga / gb)) / kPairBrightness) +
-          static_cast<double>((a.core / ga - b.core / gb).squaredNorm()) / PairSquare(kPairColour) +
+          Squared(static_cast<double>(std::log(ga / gb)) / kPairBrightness) +
+          static_cast<double>((a.core / ga - b.core / gb).squaredNorm()) / Squared(kPairColour) +
           a.doubt + b.doubt;
       if (cost <= kMaxPairCost) pairs.push_back({cost, i, j});
     }
@@ -56,9 +45,12 @@ std::vector<AlikePair> AlikePairs(const ImageView& image, absl::Span<const Whole
   });
   if (pairs.size() > kMostSticks) pairs.resize(kMostSticks);
   for (AlikePair& pair : pairs) {
-    *work -= kPairStickWork;
+    *work -= kWorkOfStick;
+    const Blob &a = wholes[pair.first].blob, &b = wholes[pair.last].blob;
+    const double ra = RadiusOf(a), rb = RadiusOf(b);
     pair.has_stick =
-        StickBetween(image, wholes[pair.first].blob, wholes[pair.last].blob) >= kPairStickSeen;
+        StickBetween(image, a.centre_px, ra, b.centre_px, rb, 0.5 * (ra + rb)).value_or(0) >=
+        kStickSeen;
     if (pair.has_stick) pair.cost = std::max(0.0, pair.cost - kStickGain);
   }
   std::sort(pairs.begin(), pairs.end(), [](const AlikePair& a, const AlikePair& b) {

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "agent/identify/ring_background.h"
+#include "agent/identify/squared.h"
 
 namespace rigcal::agent {
 namespace {
@@ -27,8 +28,6 @@ constexpr double kCoverColour = 0.3;  // of the cover, across the way
 constexpr int kLeastSliverPixels = 3;
 constexpr double kLeastSliverPx = 1.5, kLeastSliverShare = 0.015, kSliverCost = 1.5;
 constexpr double kSliverPairCost = 4;  // of two markers that are worth the look
-
-double PartSquare(double x) { return x * x; }
 
 void Count(int x, int y, ComponentSums* sums) {
   sums->area += 1;
@@ -76,7 +75,7 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
   ComponentSums sums;
   for (int y = low(centre_px.y()); y <= high(centre_px.y(), image.height); y += step) {
     for (int x = low(centre_px.x()); x <= high(centre_px.x(), image.width); x += step) {
-      const double squared = PartSquare(x - centre_px.x()) + PartSquare(y - centre_px.y());
+      const double squared = Squared(x - centre_px.x()) + Squared(y - centre_px.y());
       const bool inside = squared <= radius_px * radius_px;
       if (!inside && (squared < from * from || squared > to * to)) continue;
       (inside ? disc : ring) += 1;
@@ -108,7 +107,7 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
       part.around > kMostAround) {
     return std::nullopt;
   }
-  part.cost = PartSquare(part.around / kAroundSigma) +
+  part.cost = Squared(part.around / kAroundSigma) +
               kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
   part.blob = ToBlob(sums, image);
   return part;
@@ -124,7 +123,7 @@ std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vec
   const int top = std::max(0, static_cast<int>(std::ceil(centre_px.y() - to)));
   const int bottom = std::min(image.height - 1, static_cast<int>(std::floor(centre_px.y() + to)));
   const auto squared = [&](int x, int y) {
-    return PartSquare(x - centre_px.x()) + PartSquare(y - centre_px.y());
+    return Squared(x - centre_px.x()) + Squared(y - centre_px.y());
   };
   Eigen::Vector3f around = Eigen::Vector3f::Zero();
   Eigen::Matrix3f moments = Eigen::Matrix3f::Zero();

@@ -7,6 +7,7 @@
 
 #include "agent/detect/blobs/blob_contrast.h"
 #include "agent/identify/overlapping_markers.h"
+#include "agent/identify/squared.h"
 
 namespace rigcal::agent {
 namespace {
@@ -21,8 +22,6 @@ constexpr int kNearRounds = 2;
 constexpr double kByOthersRadiusPx = 0.1, kByOthersRadiusShare = 0.03, kOtherStretch = 0.03,
                  kOtherEdgePx2 = 0.3;
 constexpr double kWorkOfFit = 500;  // in the pixels that a measurement reads
-
-double MarkerSquare(double x) { return x * x; }
 
 }  // namespace
 
@@ -89,7 +88,7 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineOf(const ImageView& 
   Eigen::Matrix2d second_moment_px2 = centre.second_moment_px2;
   // What the border leaves of a disc says nothing of its shape.
   if (centre.cut) {
-    second_moment_px2 = 0.25 * MarkerSquare(centre.radius_px) * Eigen::Matrix2d::Identity();
+    second_moment_px2 = 0.25 * Squared(centre.radius_px) * Eigen::Matrix2d::Identity();
   }
   if (!centre.has_neighbour && !measured.beside) {
     if (fitter_.Fit(measured.pixels, second_moment_px2, {}, &outline)) {
@@ -131,8 +130,8 @@ bool MeasuredMarkers::ExpectFromOthers(const ImageView& image, const VerifiedWan
     const double scale = wand.px_per_m[marker] / wand.px_per_m[k];
     expected->radius_px += scale * outline->radius_px;
     expected->stretch += outline->stretch;
-    expected->edge_px2 += MarkerSquare(outline->edge_px);
-    *second_moment_px2 += MarkerSquare(scale) * outline->SecondMoment();
+    expected->edge_px2 += Squared(outline->edge_px);
+    *second_moment_px2 += Squared(scale) * outline->SecondMoment();
     ++count;
   }
   if (count == 0 || count + 1 < static_cast<int>(wand.blobs.size())) return false;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "agent/identify/outline_sectors.h"
+#include "agent/identify/squared.h"
 #include "agent/identify/visible_arc.h"
 #include "agent/identify/wand_stick.h"
 
@@ -50,8 +51,6 @@ constexpr double kWhiteGain = 4;  // half a chi-squared
 
 using FittedOutlines = absl::InlinedVector<std::optional<SphereOutline>, 3>;
 
-double ToSquare(double x) { return x * x; }
-
 // Another marker of the wand is so near that blur joins them.
 bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
   const MarkerCentre& own = wand.centres[marker];
@@ -64,7 +63,7 @@ bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
   return false;
 }
 
-double ScatterOf(const SphereOutline& outline) { return std::max(1.0, ToSquare(outline.residual)); }
+double ScatterOf(const SphereOutline& outline) { return std::max(1.0, Squared(outline.residual)); }
 
 // One sigma of the relative slopes of the light on the wand's spheres.
 double SlopeSigma(const FittedOutlines& fitted) {
@@ -132,7 +131,7 @@ OutlineExpectation ExpectationOf(const VerifiedWand& wand, const FittedOutlines&
   for (size_t k = 0; k < outlines.size(); ++k) {
     if (!outlines[k]) continue;
     sizes_m.push_back(outlines[k]->radius_px / wand.px_per_m[k]);
-    edges_px2.push_back(ToSquare(outlines[k]->edge_px));
+    edges_px2.push_back(Squared(outlines[k]->edge_px));
     stretches_x.push_back(outlines[k]->stretch.x());
     stretches_y.push_back(outlines[k]->stretch.y());
   }
@@ -334,8 +333,8 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
       outlines[k] = outline;
       centre.centre_px = outline.centre_px;
       // Of the sectors' mean, by what the background behind them may be.
-      const double background_px2 = std::max(ToSquare(kBackgroundPx * centre.background_steps),
-                                             centre.has_neighbour ? ToSquare(kNeighbourPx) : 0.0);
+      const double background_px2 = std::max(Squared(kBackgroundPx * centre.background_steps),
+                                             centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
       centre.covariance_px2 = scatter.noise / outline.follows * outline.covariance_px2 +
                               kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     }

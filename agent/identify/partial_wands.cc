@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "agent/identify/hidden_part.h"
+#include "agent/identify/squared.h"
 #include "agent/identify/stick_sight.h"
 
 namespace rigcal::agent {
@@ -23,15 +24,12 @@ constexpr double kMaxPartialCost = 14;
 constexpr double kLongest = 1.1;  // than by radii
 constexpr double kMaxSizeCost = 9;
 // Of the stick.
-constexpr double kWorkOfStick = 8, kStickSeen = 0.7, kNoStickCost = 4;
-constexpr double kOffSphere = 1.15, kOffSpherePx = 1.5;
+constexpr double kNoStickCost = 4;
 constexpr double kInterrupted = 0.25, kCoveredCost = 3;  // where the middle one is covered
 constexpr double kCommonRadiusPx = 0.8;                  // of both, by blur and the mask's limit
 constexpr double kStepRadii = 0.25;  // along the line, between places that are looked at
 constexpr int kSteps = 48;           // of the ratio of their depths
 constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
-
-double SquareOf(double x) { return x * x; }
 
 MarkerSight SightOf(const Blob& blob, const MarkerSight& ray) {
   MarkerSight sight = ray;
@@ -164,12 +162,9 @@ class PartSearch {
   // Where the stick is seen between the other two, it is seen from the nearer one to the third.
   double StickTo(const Place& place, const Blob& nearer) {
     work_ -= kWorkOfStick;
-    const Eigen::Vector2d way = place.centre_px - nearer.centre_px;
-    const double begin = (kOffSphere * RadiusOf(nearer) + kOffSpherePx) / way.norm();
-    const double end = 1 - (kOffSphere * place.radius_px + kOffSpherePx) / way.norm();
-    if (!(end > begin)) return 0.5;
-    return StickShare(image_, nearer.centre_px + begin * way, nearer.centre_px + end * way,
-                      place.radius_px);
+    return StickBetween(image_, nearer.centre_px, RadiusOf(nearer), place.centre_px,
+                        place.radius_px, place.radius_px)
+        .value_or(0.5);
   }
 
   // Something covers the stick where the marker must be, and where it would be the other way round
@@ -187,8 +182,8 @@ class PartSearch {
     }
     HiddenPart part{.share = 0, .around = 0, .cost = kCoveredCost, .blob = Blob()};
     part.blob.centre_px = place.centre_px;
-    part.blob.area_px = static_cast<int>(std::numbers::pi * SquareOf(place.radius_px));
-    part.blob.second_moment_px2 = 0.25 * SquareOf(place.radius_px) * Eigen::Matrix2d::Identity();
+    part.blob.area_px = static_cast<int>(std::numbers::pi * Squared(place.radius_px));
+    part.blob.second_moment_px2 = 0.25 * Squared(place.radius_px) * Eigen::Matrix2d::Identity();
     return part;
   }
 
@@ -204,13 +199,13 @@ class PartSearch {
         return sight.radius_px - 0.5 * options.diameter_m * sight.scale_px / distance_m;
       };
       const double of_a = excess_px(a, first_m), of_b = excess_px(b, second_m);
-      const double variance = SquareOf(a.radius_sigma_px);
-      return SquareOf(0.5 * (of_a + of_b)) / (SquareOf(kCommonRadiusPx) + 0.5 * variance) +
-             SquareOf(of_a - of_b) / (2 * variance);
+      const double variance = Squared(a.radius_sigma_px);
+      return Squared(0.5 * (of_a + of_b)) / (Squared(kCommonRadiusPx) + 0.5 * variance) +
+             Squared(of_a - of_b) / (2 * variance);
     }
     const double difference_px =
         a.radius_px - b.radius_px * second_m / first_m * a.scale_px / b.scale_px;
-    return SquareOf(difference_px / (1.5 * a.radius_sigma_px));
+    return Squared(difference_px / (1.5 * a.radius_sigma_px));
   }
 
   absl::Span<const Blob> known_parts_;

@@ -11,6 +11,7 @@
 namespace rigcal::agent {
 namespace {
 
+constexpr double kOffSphere = 1.15, kOffSpherePx = 1.5;  // radii
 constexpr size_t kPieces = 8, kFewestPieces = 3;
 constexpr double kLeastPiecePx = 1.5;
 constexpr int kAlong = 4;                                  // samples of a piece
@@ -79,6 +80,16 @@ double StickShare(const ImageView& image, const Eigen::Vector2d& from_px,
   }
   alike = std::max(alike, same_line);
   return static_cast<double>(alike) / static_cast<double>(seen);
+}
+
+std::optional<double> StickBetween(const ImageView& image, const Eigen::Vector2d& a_px,
+                                   double a_radius_px, const Eigen::Vector2d& b_px,
+                                   double b_radius_px, double radius_px) {
+  const Eigen::Vector2d way = b_px - a_px;
+  const double begin = (kOffSphere * a_radius_px + kOffSpherePx) / way.norm();
+  const double end = 1 - (kOffSphere * b_radius_px + kOffSpherePx) / way.norm();
+  if (!(end > begin)) return std::nullopt;
+  return StickShare(image, a_px + begin * way, a_px + end * way, radius_px);
 }
 
 }  // namespace rigcal::agent

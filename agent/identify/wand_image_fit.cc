@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "agent/identify/squared.h"
+
 namespace rigcal::agent {
 namespace {
 
@@ -13,8 +15,6 @@ constexpr int kTilts = 21;  // odd: one of them is none
 constexpr int kRefinements = 12;
 // Common error of all radii by blur and threshold: mean and sigma.
 constexpr double kRadiusBiasPx = 0.1, kRadiusBiasSigmaPx = 0.8;
-
-double Square(double x) { return x * x; }
 
 class TiltSearch {
  public:
@@ -29,11 +29,11 @@ class TiltSearch {
     for (size_t k = 0; k < sights.size(); ++k) {
       const MarkerSight& sight = sights[k];
       // The ends' own errors move the line that the others are compared with.
-      variance_px2_.push_back(Square(sight.sigma_px) +
-                              Square((1 - shares[k]) * sights.front().sigma_px) +
-                              Square(shares[k] * sights.back().sigma_px));
-      across_.push_back(Square(sight.ray.dot(normal_)));
-      radius_weight_.push_back(1 / Square(sight.radius_sigma_px));
+      variance_px2_.push_back(Squared(sight.sigma_px) +
+                              Squared((1 - shares[k]) * sights.front().sigma_px) +
+                              Squared(shares[k] * sights.back().sigma_px));
+      across_.push_back(Squared(sight.ray.dot(normal_)));
+      radius_weight_.push_back(1 / Squared(sight.radius_sigma_px));
       radius_weights_ += radius_weight_.back();
     }
   }
@@ -64,8 +64,8 @@ class TiltSearch {
       distances_m_[k] = x.norm();
       const double play_px = options_.span_sigma_m / distances_m_[k] * sight.scale_px;
       const double beside = sight.ray.dot(along_) - x.dot(along_) / distances_m_[k];
-      cost += (Square(beside) + across_[k]) * Square(sight.scale_px) /
-              (variance_px2_[k] + Square(play_px));
+      cost += (Squared(beside) + across_[k]) * Squared(sight.scale_px) /
+              (variance_px2_[k] + Squared(play_px));
     }
     return cost + RadiusCost();
   }
@@ -89,7 +89,7 @@ class TiltSearch {
     const double mean = sum / radius_weights_;
     double cost = squares - radius_weights_ * mean * mean;
     if (options_.diameter_m > 0) {
-      cost += Square(mean - kRadiusBiasPx) / (Square(kRadiusBiasSigmaPx) + 1 / radius_weights_);
+      cost += Squared(mean - kRadiusBiasPx) / (Squared(kRadiusBiasSigmaPx) + 1 / radius_weights_);
     }
     return cost;
   }

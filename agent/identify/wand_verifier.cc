@@ -10,6 +10,7 @@
 #include "agent/identify/outlined_centres.h"
 #include "agent/identify/overlapping_markers.h"
 #include "agent/identify/partial_wands.h"
+#include "agent/identify/squared.h"
 
 namespace rigcal::agent {
 namespace {
@@ -47,8 +48,6 @@ constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostMisfit =
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
 constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
-
-double Squared(double x) { return x * x; }
 
 // Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
 bool IsWhole(const Blob& blob, const MarkerCentre& centre) {

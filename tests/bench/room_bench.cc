@@ -63,6 +63,7 @@ Room Render(const DetectionCase& entry) {
   room.options.seed = kSeed;
   room.options.detector.tracking = false;
   entry.change(&room.options);
+  room.options.detector.exposure_s = room.options.render.exposure_s;
   for (int r = 0; r < kRooms; ++r) {
     RenderedRoom rendered = Must(RenderedRoom::Create(room.options, r));
     for (int i = 0; i < kFramesOfRoom; ++i) {

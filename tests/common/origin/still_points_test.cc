@@ -14,14 +14,7 @@ using ::testing::HasSubstr;
 using testing::StatusIs;
 using testing::TrueResult;
 
-SimulatedWorld World() {
-  SimulationOptions simulation;
-  simulation.camera_count = 4;
-  simulation.duration_s = 4;
-  Target wand;
-  wand.marker_positions_m = {0, 0.13, 0.39};
-  return *SimulatedWorld::Create(simulation, wand);
-}
+SimulatedWorld World() { return testing::WavedWorld(4); }
 
 // A wave, a rest, a wave, another rest, and the first place again.
 std::vector<CameraRows> WavesAndRests(const SimulatedWorld& world,

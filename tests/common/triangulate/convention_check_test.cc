@@ -15,14 +15,7 @@ using testing::RowsOf;
 using testing::StatusIs;
 using testing::TrueResult;
 
-SimulatedWorld World() {
-  SimulationOptions simulation;
-  simulation.camera_count = 4;
-  simulation.duration_s = 6;
-  Target wand;
-  wand.marker_positions_m = {0, 0.13, 0.39};
-  return *SimulatedWorld::Create(simulation, wand);
-}
+SimulatedWorld World() { return testing::WavedWorld(6); }
 
 absl::Status Check(const CalibrationResult& calibration, const std::vector<CameraRows>& rows) {
   const auto triangulation = TriangulateRows(calibration, rows, {});

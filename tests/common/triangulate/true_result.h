@@ -9,6 +9,16 @@
 
 namespace rigcal::testing {
 
+// Four cameras and a wand that is waved for so long.
+inline SimulatedWorld WavedWorld(double duration_s) {
+  SimulationOptions simulation;
+  simulation.camera_count = 4;
+  simulation.duration_s = duration_s;
+  Target wand;
+  wand.marker_positions_m = {0, 0.13, 0.39};
+  return *SimulatedWorld::Create(simulation, wand);
+}
+
 // The calibration of a simulated rig that has no error. Its rig frame is the world's.
 inline CalibrationResult TrueResult(const SimulatedWorld& world) {
   CalibrationResult result;

@@ -28,16 +28,14 @@ double BlinkPeriodS(const Target& target) {
 struct Advice {
   DetectionOutcome outcome;
   RefusalReason reason;
-  std::string_view what;
+  std::string_view what;  // the beginning of it
 };
 constexpr Advice kAdvice[] = {
     {DetectionOutcome::kBlack, RefusalReason::kFrameBlack,
      "the frame is black: lens cap, short exposure, or no light"},
     {DetectionOutcome::kSaturated, RefusalReason::kFrameSaturated,
      "most of the frame is saturated: "},
-    {DetectionOutcome::kTooManyBlobs, RefusalReason::kTooManyBlobs,
-     "the colour range contains too much of the frame: learn it with rigcal-agent tune, and "
-     "static spots with rigcal-agent mask"},
+    {DetectionOutcome::kTooManyBlobs, RefusalReason::kTooManyBlobs, ""},
 };
 
 }  // namespace
@@ -187,9 +185,11 @@ void DetectingObservationSource::Note(const Frame& frame) {
       CrowdedText(detection_.passed_share, detection_.white_share, exposure_facts_);
   for (const Advice& advice : kAdvice) {
     if (detection_.outcome != advice.outcome) continue;
-    const bool says_more = advice.outcome == DetectionOutcome::kTooManyBlobs && !crowded.empty();
-    std::string what = example(says_more ? std::string_view(crowded) : advice.what);
-    if (advice.outcome == DetectionOutcome::kSaturated) {
+    std::string what = example(advice.what);
+    if (advice.outcome == DetectionOutcome::kTooManyBlobs) {
+      absl::StrAppend(
+          &what, TooManyText(detection_.passed_share, detection_.white_share, exposure_facts_));
+    } else if (advice.outcome == DetectionOutcome::kSaturated) {
       absl::StrAppend(&what, ShorterExposureText(exposure_facts_));
     }
     refused_.Add("", advice.reason, 1, what);

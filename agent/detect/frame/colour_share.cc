@@ -18,6 +18,14 @@ constexpr double kMillisecond = 1e-3;
 
 bool IsMostlyWhite(double passed, double white) { return white > 0.5 * passed; }
 
+std::string WhatToDo(double passed, double white, const ExposureFacts& facts) {
+  if (IsMostlyWhite(passed, white)) {
+    return "Learn a mask (rigcal-agent mask), or " + ShorterExposureText(facts);
+  }
+  return "Learn the colour (rigcal-agent tune) and a mask (rigcal-agent mask), dim the room, or "
+         "take a wand of another colour";
+}
+
 }  // namespace
 
 std::string ShorterExposureText(const ExposureFacts& facts) {
@@ -58,14 +66,16 @@ std::string ColourShareText(double passed, double white) {
 
 std::string CrowdedText(double passed, double white, const ExposureFacts& facts) {
   const std::string share = ColourShareText(passed, white);
-  if (share.empty()) return "";
-  if (IsMostlyWhite(passed, white)) {
-    return absl::StrCat(share, ". Learn a mask (rigcal-agent mask), or ",
-                        ShorterExposureText(facts));
-  }
-  return absl::StrCat(share,
-                      ". Learn the colour (rigcal-agent tune) and a mask (rigcal-agent mask), dim "
-                      "the room, or take a wand of another colour");
+  return share.empty() ? "" : absl::StrCat(share, ". ", WhatToDo(passed, white, facts));
+}
+
+std::string TooManyText(double passed, double white, const ExposureFacts& facts) {
+  const std::string crowded = CrowdedText(passed, white, facts);
+  if (!crowded.empty()) return crowded;
+  return absl::StrFormat(
+      "too many things look like a marker, so the search was cut short (%.2g %% of the picture "
+      "passes the colour test). %s",
+      100 * passed, WhatToDo(passed, white, facts));
 }
 
 }  // namespace rigcal::agent

@@ -29,4 +29,7 @@ std::string ColourShareText(double passed, double white);
 // The same with what to do.
 std::string CrowdedText(double passed, double white, const ExposureFacts& facts = {});
 
+// The same of a picture whose search was cut short, however little passes.
+std::string TooManyText(double passed, double white, const ExposureFacts& facts = {});
+
 }  // namespace rigcal::agent

@@ -30,6 +30,15 @@ TEST(CrowdedText, NamesSharesAndTheExposureToSet) {
               AllOf(HasSubstr("surfaces of the wand's colour"), Not(HasSubstr("exposure"))));
 }
 
+TEST(TooManyText, HasNumbersWhereLittlePasses) {
+  EXPECT_THAT(TooManyText(0.021, 0),
+              AllOf(HasSubstr("cut short"), HasSubstr("2.1 % of the picture"),
+                    HasSubstr("rigcal-agent tune")));
+  EXPECT_THAT(TooManyText(0.021, 0.02, {.exposure_s = 0.008, .blink_s = 0.002}),
+              AllOf(HasSubstr("2.1 % of the picture"), HasSubstr("shorten the exposure from 8")));
+  EXPECT_EQ(TooManyText(0.38, 0.3), CrowdedText(0.38, 0.3));
+}
+
 TEST(ShorterExposureText, KeepsTheSpheresBrightEnough) {
   EXPECT_EQ(ShorterExposureText({.exposure_s = 0.01, .blink_s = 0.001, .marker_grey = 200}),
             "shorten the exposure from 10 to 5 ms, at which the spheres keep 100 of 200 grey "

@@ -196,7 +196,8 @@ void DetectingObservationSource::Note(const Frame& frame) {
     Warn(advice.reason, what);
   }
   const bool is_missed = detection_.outcome == DetectionOutcome::kAmbiguous ||
-                         detection_.outcome == DetectionOutcome::kNoWand;
+                         detection_.outcome == DetectionOutcome::kNoWand ||
+                         detection_.outcome == DetectionOutcome::kNoBlob;
   if (is_missed && !crowded.empty()) Warn(RefusalReason::kTooManyBlobs, example(crowded));
   if (detection_.occluded_markers > 0) {
     refused_.Add("", RefusalReason::kMarkerOccluded,

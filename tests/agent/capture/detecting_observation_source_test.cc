@@ -168,6 +168,15 @@ TEST(DetectingObservationSource, CountsAndWarnsOfFramesThatAreNoGood) {
   EXPECT_EQ(log.text().find("lens cap", first + 1), std::string::npos) << "warns of every frame";
 }
 
+TEST(DetectingObservationSource, WarnsOfAPictureThatIsAllOfTheWandsColour) {
+  const LoggedText log;
+  const cv::Mat orange(kHeight, kWidth, CV_8UC3, kOrange);
+  const auto source = Make(std::make_unique<ScriptedFrames>(std::vector<cv::Mat>{orange}));
+  EXPECT_EQ(Drain(*source).size(), 1u);
+  EXPECT_THAT(log.text(), AllOf(HasSubstr("camera left"), HasSubstr("100 % of the picture"),
+                                HasSubstr("rigcal-agent mask")));
+}
+
 TEST(DetectingObservationSource, WarnsOnceOfAnExposureShorterThanABlink) {
   const LoggedText log;
   const std::vector<cv::Mat> images(3, WandAt(100, 100));

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -63,22 +64,32 @@ std::optional<WandMotion> DrawWand(const EventDetectionOptions& options, uint64_
   return wand;
 }
 
-// Sideways, until an end's centre is on the nearest border.
-void MoveToBorder(const EventDetectionOptions& options, uint64_t seed, WandMotion* wand) {
+// Sideways, until the centre of the end that is nearest to a border is on it: the other markers
+// stay in the image.
+void MoveToBorder(const EventDetectionOptions& options, WandMotion* wand) {
   const Intrinsics& intrinsics = *options.camera.intrinsics;
-  const bool last = RandomStream{seed, 0xb0d}.Uniform() < 0.5;
-  const double end_m = last ? options.target.marker_positions_m.back() : 0;
+  const Eigen::Vector2d last_px(options.camera.image_size_px.width - 1.0,
+                                options.camera.image_size_px.height - 1.0);
+  double nearest_px = std::numeric_limits<double>::infinity();
+  double end_m = 0;
+  int axis = 0;
+  bool is_far = false;  // the border at the last column or row
+  for (const double each_m : {0.0, options.target.marker_positions_m.back()}) {
+    Eigen::Vector2d at;
+    if (!Project(intrinsics, wand->At(each_m), &at)) return;
+    for (const int i : {0, 1}) {
+      for (const bool far : {false, true}) {
+        const double away_px = far ? last_px[i] - at[i] : at[i];
+        if (away_px < nearest_px) nearest_px = away_px, end_m = each_m, axis = i, is_far = far;
+      }
+    }
+  }
   for (int round = 0; round < 5; ++round) {  // a lens bends the way
     const Eigen::Vector3d end = wand->At(end_m);
     Eigen::Vector2d at;
     if (!Project(intrinsics, end, &at)) return;
-    const double width = options.camera.image_size_px.width - 1;
-    const double height = options.camera.image_size_px.height - 1;
-    Eigen::Vector2d way(at.x() < width / 2 ? -at.x() : width - at.x(),
-                        at.y() < height / 2 ? -at.y() : height - at.y());
-    way[std::abs(way.x()) < std::abs(way.y()) ? 1 : 0] = 0;
-    wand->origin_m.head<2>() +=
-        end.z() * way.cwiseQuotient(Eigen::Vector2d(intrinsics.fx_px, intrinsics.fy_px));
+    const double way_px = (is_far ? last_px[axis] : 0) - at[axis];
+    wand->origin_m[axis] += end.z() * way_px / (axis == 0 ? intrinsics.fx_px : intrinsics.fy_px);
   }
 }
 
@@ -357,7 +368,7 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
   if (options.with_wand) {
     auto wand = DrawWand(options, seed);
     if (!wand.has_value()) return result;
-    if (options.at_border) MoveToBorder(options, seed, &*wand);
+    if (options.at_border) MoveToBorder(options, &*wand);
     add_wand(*wand);
     path = wands[0].path;
     if (options.hide_one) {

@@ -45,11 +45,14 @@ std::vector<LatencySensor> LatencySensors() {
   uneven.off_threshold = 0.35;
   EventRenderOptions still = fast;
   still.refractory_us = 300;
+  EventRenderOptions plain = fast;  // blind to what lasts shorter
+  plain.refractory_us = EventRenderOptions{}.refractory_us;
   return {
       {"fast pixels, 50 Hz out", fast, 500, 50},    {"fast pixels, 200 Hz out", fast, 500, 200},
       {"fast pixels, 200 Hz wand", fast, 200, 200}, {"slow pixels, 50 Hz out", slow, 500, 50},
       {"slow pixels, 200 Hz out", slow, 500, 200},  {"slow pixels, 200 Hz wand", slow, 200, 200},
-      {"uneven thresholds", uneven, 500, 200},      {"refractory 300 us", still, 500, 200}};
+      {"uneven thresholds", uneven, 500, 200},      {"refractory 300 us", still, 500, 200},
+      {"refractory 500 us", plain, 500, 200}};
 }
 
 LatencyPoint RunLatency(const LatencySensor& sensor, const LatencyLight& light, int streams,

@@ -36,6 +36,8 @@ constexpr double kLampUs = 3000;
 // in terms of the largest, and how sure its labels must be.
 constexpr double kFollowedRadiusPx = 0.4, kFollowedRadiusShare = 0.08;
 constexpr double kApartGates = 2, kOtherShare = 0.3, kPieceRadii = 1.5, kFollowedCertainty = 0.9;
+// Of a wand that comes into the image: its labels.
+constexpr float kEnteringCertainty = 0.95f;
 
 double Radius(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::pi); }
 
@@ -137,6 +139,8 @@ BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
     if (BlinkWand followed = Follow(); followed.outcome == DetectionOutcome::kWand) {
       wand = std::move(followed);
     }
+  } else if (wand.outcome == DetectionOutcome::kNoWand && !ambiguous_us_) {
+    wand = Enter();
   }
   UpdateTrack(wand);
   return wand;
@@ -299,6 +303,49 @@ BlinkWand BlinkWandVerifier::Follow() const {
     marker.label_confidence = static_cast<float>(track_.label_confidence());
     wand.times_us.push_back(blob < 0 ? time_us : times_us_[static_cast<size_t>(blob)]);
     if (blob >= 0) wand.is_timed &= is_timed_[static_cast<size_t>(blob)];
+  }
+  return wand;
+}
+
+BlinkWand BlinkWandVerifier::Enter() const {
+  BlinkWand wand;
+  wand.blob_count = static_cast<int>(blobs_.size());
+  wand.outcome = DetectionOutcome::kNoWand;
+  absl::InlinedVector<int, 3> wholes, cuts;  // the largest come first
+  for (size_t i = 0; i < blobs_.size(); ++i) {
+    if (Radius(blobs_[i]) <= kOtherShare * Radius(blobs_[0])) break;
+    (blobs_[i].touches_border ? cuts : wholes).push_back(static_cast<int>(i));
+    if (wholes.size() > 2 || cuts.size() > 1) return wand;
+  }
+  if (wholes.size() != 2) return wand;
+  std::array<SeenMarker, 2> seen;
+  for (size_t i = 0; i < seen.size(); ++i) {
+    const auto blob = static_cast<size_t>(wholes[i]);
+    seen[i] = {SightOf(wholes[i]), blobs_[blob].centre_px, frequencies_[blob]};
+    if (seen[i].sight.scale_px <= 0) return wand;
+  }
+  const std::optional<EnteringPair> pair =
+      FindEnteringPair(finder_, geometry_, marker_kinds_, seen);
+  if (!pair) return wand;
+  for (const int cut : cuts) {
+    const Eigen::Vector2d& at_px = blobs_[static_cast<size_t>(cut)].centre_px;
+    const double reach_px = kApartGates * pair->other_radius_px;
+    if (!pair->is_in_lens || (pair->other_px - at_px).norm() > reach_px) return wand;
+  }
+  wand.confidence = 1 / (1 + std::exp((pair->fit.cost - kHalfCost) / kCostScale));
+  if (wand.confidence < min_confidence_) return wand;
+  wand.outcome = DetectionOutcome::kWand;
+  wand.is_timed = true;
+  wand.blobs.assign(3, -1);
+  for (size_t i = 0; i < seen.size(); ++i) {
+    wand.blobs[static_cast<size_t>(pair->markers[i])] = wholes[i];
+    wand.is_timed &= is_timed_[static_cast<size_t>(wholes[i])];
+  }
+  for (size_t k = 0; k < wand.blobs.size(); ++k) {
+    MarkerObservation& marker = wand.markers.emplace_back(Observe(pair->fit, k, wand.blobs[k]));
+    marker.label_confidence = kEnteringCertainty;
+    const int timed = wand.blobs[k] < 0 ? wholes[0] : wand.blobs[k];
+    wand.times_us.push_back(times_us_[static_cast<size_t>(timed)]);
   }
   return wand;
 }

@@ -7,6 +7,7 @@
 #include "absl/types/span.h"
 #include "agent/detect/event/blink_wand_track.h"
 #include "agent/detect/event/burst_measurer.h"
+#include "agent/detect/event/entering_pair.h"
 #include "agent/identify/wand_finder.h"
 #include "common/target/detection_outcome.h"
 
@@ -33,7 +34,8 @@ struct BlinkWand {
 // A wand of three markers or more of which not all are seen (hidden, cut by the border, out of the
 // image) is delivered if it was followed until then: two or more whole blobs where markers were
 // expected, none else there, that fit the wand's lengths and sizes. Two blobs alone do not say
-// which markers they are. While other blobs are seen that may be another wand's, it is not.
+// which markers they are, unless the third one can only be beyond the border (FindEnteringPair).
+// While other blobs are seen that may be another wand's, it is not.
 //
 // Two wands whose markers can all be seen are refused as ambiguous: which one other cameras see is
 // not known here.
@@ -49,7 +51,10 @@ class BlinkWandVerifier {
   // Target and camera must be valid.
   BlinkWandVerifier(const WandFinderOptions& options, const Target& target,
                     const CameraDescription& camera)
-      : finder_(options, target, camera), min_confidence_(options.limits.min_confidence) {}
+      : finder_(options, target, camera),
+        min_confidence_(options.limits.min_confidence),
+        geometry_{camera.image_size_px.width, camera.image_size_px.height},
+        marker_kinds_(options.marker_kinds) {}
 
   BlinkWand Verify(const std::vector<BlinkBlob>& blobs);
   // The clock jumps.
@@ -71,6 +76,8 @@ class BlinkWandVerifier {
   BlinkWand Choose();
   // From two or more blobs where the track expects markers; kNoWand if there are none.
   BlinkWand Follow() const;
+  // From the only two whole blobs, of a wand that comes into the image; kNoWand if it is not one.
+  BlinkWand Enter() const;
   bool IsBesideAnother(absl::Span<const int> wand);
   // Blobs that are large enough to be another wand's markers.
   int OthersThan(absl::Span<const int> wand) const;
@@ -81,6 +88,8 @@ class BlinkWandVerifier {
 
   WandFinder finder_;
   double min_confidence_;
+  SensorGeometry geometry_;
+  std::vector<int> marker_kinds_;
   std::vector<Blob> blobs_;
   std::vector<double> times_us_;                  // of blobs_
   std::vector<int> frequencies_;                  // likewise

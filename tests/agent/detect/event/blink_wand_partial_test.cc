@@ -151,6 +151,57 @@ TEST(BlinkWandPartial, OneSphereLeavesTheImage) {
   EXPECT_GE(partial, 10);
 }
 
+// Two spheres of a wand that was not seen whole yet, of which the third one can only be outside.
+TEST(BlinkWandPartial, OneSphereComesIntoTheImage) {
+  const Scene scene{[](double time_s) {
+    return WandPose{{0.66 - 1.5 * time_s, 0.05, 1.6}, Eigen::Vector3d(0.9, 0.3, 0.2).normalized()};
+  }};
+  int whole = 0, partial = 0;
+  for (const Detection& detection : Detect(Render(scene))) {
+    ASSERT_EQ(detection.outcome, DetectionOutcome::kWand) << detection.observation.time_ns;
+    const Observation& seen = detection.observation;
+    EXPECT_LT(*WorstPx(seen, scene), kFoundPx);
+    whole += seen.VisibleCount() == 3 ? 1 : 0;
+    partial += seen.VisibleCount() == 2 && !seen.markers[2].visible ? 1 : 0;
+  }
+  EXPECT_GE(whole, 5);
+  EXPECT_GE(partial, 10);
+}
+
+// Marker 2 moves along the right border, this far within it; its radius is 7.5 px.
+Scene AlongBorder(double inside_px) {
+  return {[inside_px](double time_s) {
+    const double x_m = (639.5 - inside_px - 320) * 1.6 / 600;
+    return WandPose{{x_m - 0.39, -0.1 + 0.8 * time_s, 1.6}, Eigen::Vector3d::UnitX()};
+  }};
+}
+
+// Its rim reaches the border, as pixels answer up to two pixels outside a sphere.
+TEST(BlinkWandPartial, ASphereRightBesideTheBorderIsWhole) {
+  const Scene scene = AlongBorder(7.5 + 2);
+  int detections = 0, whole = 0;
+  for (const Detection& detection : Detect(Render(scene))) {
+    ++detections;
+    ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+    EXPECT_LT(*WorstPx(detection.observation, scene), 0.5);
+    whole += detection.observation.VisibleCount() == 3 ? 1 : 0;
+  }
+  EXPECT_GE(detections, 25);
+  EXPECT_GE(whole, detections - 2);
+}
+
+TEST(BlinkWandPartial, ASphereThatTheBorderCutsIsLeftOut) {
+  const Scene scene = AlongBorder(7.5 - 1.5);
+  int partial = 0;
+  for (const Detection& detection : Detect(Render(scene))) {
+    if (detection.outcome != DetectionOutcome::kWand) continue;
+    EXPECT_FALSE(detection.observation.markers[2].visible);
+    EXPECT_LT(*WorstPx(detection.observation, scene), 0.5);
+    partial += detection.observation.VisibleCount() == 2 ? 1 : 0;
+  }
+  EXPECT_GE(partial, 25);
+}
+
 // Of two wands that can both be seen there is no way to say which one is meant.
 TEST(BlinkWandPartial, TwoWandsAreRefusedAndNeverMixed) {
   const Scene first = Sideways();

@@ -19,6 +19,9 @@ constexpr double kFloorPx = 0.042;
 constexpr double kMeanShare = 0.2;
 // Of a centre without them: it lies ahead of the light's, and its time is not quite the light's.
 constexpr double kUntimedPx = 0.3;
+// Of the depth to which the pixels of two markers overlap, and beyond which they are apart: what is
+// between them may have been given to the wrong one.
+constexpr double kTouchShare = 0.2, kTouchPx = 0.5;
 // By which a centre may be further from where a candidate has it: lenses are not known that well.
 constexpr double kFitSlack = 1.7;
 constexpr double kRadiusPx = 0.4, kRadiusShare = 0.06;
@@ -123,6 +126,14 @@ MarkerObservation BlinkWandVerifier::Observe(const WandImageFit& fit, size_t k,
   marker.covariance_px2 =
       (CentreVariance(blob) + untimed_px * untimed_px) * Eigen::Matrix2d::Identity() +
       off_px * off_px.transpose();
+  for (const Blob& other : blobs_) {
+    const Eigen::Vector2d away_px = other.centre_px - blob.centre_px;
+    const double apart_px = away_px.norm();
+    const double overlap_px = Radius(blob) + Radius(other) + kTouchPx - apart_px;
+    if (apart_px == 0 || overlap_px <= 0) continue;
+    const Eigen::Vector2d wrong_px = kTouchShare * overlap_px / apart_px * away_px;
+    marker.covariance_px2 += wrong_px * wrong_px.transpose();
+  }
   finder_.ToSphereCentre(fit, k, &marker);
   return marker;
 }

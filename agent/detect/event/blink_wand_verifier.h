@@ -29,7 +29,7 @@ struct BlinkWand {
 // variance goes with the number of its pixels: each of the 2 pi r pixels along the rim of a disc is
 // in or out by chance, which moves the centroid by a variance of w / (4 pi r), w the width of the
 // rim that is uncertain. Along the motion the mean of rise and fall (FlashMeasurer) is not quite in
-// the middle.
+// the middle. Of markers that touch each other, pixels between them may belong to the other one.
 //
 // A wand of three markers or more of which not all are seen (hidden, cut by the border, out of the
 // image) is delivered if it was followed until then: two or more whole blobs where markers were

@@ -214,13 +214,13 @@ double MissingRadius(const FittedOutlines& outlines, size_t marker,
 bool IsPartlyHidden(const VerifiedWand& wand, const FittedOutlines& outlines, size_t marker,
                     const OutlineExpectation& expected, const OutlinePixels& pixels) {
   const SphereOutline& own = *outlines[marker];
-  if (MissingRadius(outlines, marker, expected, kHiddenRatio) > 0) return true;
-  // More than one may be.
-  if (!(wand.diameter_m > 0) || wand.px_per_m.size() != outlines.size()) return false;
   // Before a saturated background any sphere looks smaller.
   double saturated = 0;
   for (const uint8_t one : pixels.saturated_behind) saturated += one;
   if (saturated > kMostSaturatedBehind * static_cast<double>(pixels.size())) return false;
+  if (MissingRadius(outlines, marker, expected, kHiddenRatio) > 0) return true;
+  // More than one may be.
+  if (!(wand.diameter_m > 0) || wand.px_per_m.size() != outlines.size()) return false;
   const double radius_px = 0.5 * wand.diameter_m * wand.px_per_m[marker];
   return radius_px - own.radius_px > std::max(kShortPx, 1.5 * expected.radius_sigma_px) &&
          own.edge_chi_squared > kHiddenRatio * std::max(1.0, own.edge_freedom);

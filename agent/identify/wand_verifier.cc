@@ -25,6 +25,7 @@ constexpr double kResolvedPx = 5.5, kUnresolvedCost = 2.7;  // per pixel of the 
 constexpr double kWhiteCost = 6, kWhiteGrey = 240;
 constexpr double kTiltCost = 4;      // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
+constexpr double kTooAlike = 0.5;    // for its outline to be seen
 constexpr double kMostHidden = 0.2;  // of a marker, by others of the wand
 constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
                  kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5;
@@ -111,8 +112,7 @@ void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
     const MarkerCentre& centre = wand->centres[k];
     if (wand->whole[k]) continue;
     const bool is_cut = centre.cut || blobs[static_cast<size_t>(wand->blobs[k])].touches_border;
-    const bool may_be = centre.contrast_grey > 0 && HiddenShare(*wand, k) < kMostHidden &&
-                        centre.alike < kMostAlike;
+    const bool may_be = centre.contrast_grey > 0 && HiddenShare(*wand, k) < kMostHidden;
     if (may_be && restore(k, markers_.OutlineOf(image, wand->blobs[k]))) continue;
     lost.push_back(k);
     if (may_be && !is_cut) to_retry.push_back(k);
@@ -149,7 +149,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       wand.centres[k].alike -= share;
       markers_.OfBlob(index).beside = its;
     }
-    if (wand.centres[k].alike >= kMostAlike) return std::nullopt;
+    if (wand.centres[k].alike >= kTooAlike) return std::nullopt;
     // With something else near its outline decides.
     wand.whole.push_back(!measured->centre.has_neighbour && IsWhole(blob, wand.centres[k]));
   }

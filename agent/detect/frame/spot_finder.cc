@@ -29,8 +29,9 @@ constexpr int kLargeAreaPx = 800;
 constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
 constexpr int kMostPairs = 32;                        // of each level
 constexpr double kLong = 0.18;
-constexpr double kHalfDoubt = 3;  // few wands point at the camera, and many things are long
-constexpr int kPart = 4;          // a piece that much smaller is something in front of the other
+constexpr double kHalfDoubt = 3;    // few wands point at the camera, and many things are long
+constexpr double kClearlyLess = 1;  // of a doubt
+constexpr int kPart = 4;            // a piece that much smaller is something in front of the other
 constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
 constexpr int kClipped = 250;
 
@@ -70,6 +71,12 @@ ColourRange WithClippedHues(ColourRange colour) {
 
 double ShapeDoubt(const Blob& blob) {
   return std::min(kMostShapeDoubt, std::pow(Elongation(blob) / kLongerSigma, 2));
+}
+
+// Of two pieces of one thing: the one that looks more like a sphere, or the larger one.
+bool IsBetter(const Spot& a, const Spot& b) {
+  return std::abs(a.doubt - b.doubt) > kClearlyLess ? a.doubt < b.doubt
+                                                    : a.blob.area_px > b.blob.area_px;
 }
 
 // A blob that a window inside the image may have cut.
@@ -193,7 +200,7 @@ void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut, int
     if (pair >= 0 && Elongation(known.blob) > kLong) continue;
     if (pair >= 0) {
       known.pair = pair;
-    } else if (blob.area_px > known.blob.area_px) {
+    } else if (IsBetter(spot, known)) {
       known = spot;
     }
     return;

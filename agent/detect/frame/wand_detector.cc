@@ -47,8 +47,8 @@ constexpr size_t kFirstCandidates = 2;
 constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spheres
 constexpr double kLeastLit = 0.02;   // of the pixels
 constexpr double kLittleMs = 1.8;
-constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for in another level
-constexpr double kNoFurtherMs = 3.8;     // by the times above: no other level is begun
+constexpr double kAnotherLevelMs = 2;  // less: a hidden marker is looked for in another level
+constexpr double kNoFurtherMs = 3.8;   // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;

@@ -128,6 +128,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
                                                       const WandCandidate& candidate) {
   VerifiedWand wand;
   wand.blobs = candidate.blobs;
+  int alike_count = 0;
   for (size_t k = 0; k < candidate.blobs.size(); ++k) {
     const int index = candidate.blobs[k];
     wand.outlined.push_back(false);
@@ -149,7 +150,8 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       wand.centres[k].alike -= share;
       markers_.OfBlob(index).beside = its;
     }
-    if (wand.centres[k].alike >= kTooAlike) return std::nullopt;
+    alike_count += wand.centres[k].alike >= kMostAlike ? 1 : 0;
+    if (wand.centres[k].alike >= kTooAlike || alike_count > 1) return std::nullopt;
     // With something else near its outline decides.
     wand.whole.push_back(!measured->centre.has_neighbour && IsWhole(blob, wand.centres[k]));
   }

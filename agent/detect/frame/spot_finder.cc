@@ -276,13 +276,12 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
     }
   }
   KeepPairs(image, part);
-  has_all_ = spots_.size() <= kMaxSpots;
   found_ += static_cast<int>(std::min(spots_.size(), kMaxSpots));
-  if (has_all_) return;
-  std::stable_sort(spots_.begin(), spots_.end(), [](const Spot& a, const Spot& b) {
-    const bool round_a = IsRound(a.blob), round_b = IsRound(b.blob);
-    return round_a != round_b ? round_a : a.core.squaredNorm() > b.core.squaredNorm();
-  });
+  least_doubt_left_ = std::numeric_limits<double>::infinity();
+  if (spots_.size() <= kMaxSpots) return;
+  std::stable_sort(spots_.begin(), spots_.end(),
+                   [](const Spot& a, const Spot& b) { return a.doubt < b.doubt; });
+  least_doubt_left_ = spots_[kMaxSpots].doubt;
   spots_.resize(kMaxSpots);
 }
 

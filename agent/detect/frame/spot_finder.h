@@ -2,8 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -56,9 +58,11 @@ class SpotFinder {
   // Spots of a level, in a part of the image.
   void Find(const ImageView& image, const PixelRect& part, size_t level);
 
-  // Of the last Find. Of too many spots those that are round and bright: not `has_all`.
+  // Of the last Find. Of too many spots those of least doubt: not `has_all`.
   const std::vector<Spot>& spots() const { return spots_; }
-  bool has_all() const { return has_all_; }
+  bool has_all() const { return std::isinf(least_doubt_left_); }
+  // Of the spots that were left out.
+  double least_doubt_left() const { return least_doubt_left_; }
   size_t level() const { return level_; }
   // Blobs of the last Find, or Look.
   const BlobResult& result() const { return levels_[level_].blobs.result(); }
@@ -89,7 +93,7 @@ class SpotFinder {
   DiscFinder discs_;
   std::vector<const Blob*> pairs_;  // what may be two spheres
   std::vector<Spot> spots_;
-  bool has_all_ = true;
+  double least_doubt_left_ = std::numeric_limits<double>::infinity();
   bool looked_ = false;  // at this image
   int64_t masked_px_left_ = 0, split_px_left_ = 0;
   // In all levels: runs of pixels, searches of the whole image, blobs that were looked at, spots.

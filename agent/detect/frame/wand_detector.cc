@@ -48,6 +48,7 @@ constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spher
 constexpr double kLeastLit = 0.02;   // of the pixels
 constexpr double kLittleMs = 1.8;
 constexpr double kAnotherLevelMs = 2;  // less: a hidden marker is looked for in another level
+constexpr double kWholeGain = 5;       // in cost, against the same with a hidden marker
 constexpr double kNoFurtherMs = 3.8;   // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand
@@ -100,7 +101,8 @@ double WandDetector::EstimatedMs() const {
 Verdict WandDetector::SearchAll(const ImageView& image) {
   std::optional<VerifiedWand> of_parts;
   Verdict verdict = SearchLevels(image, &of_parts);
-  if (of_parts && (!verdict.wand || verdict.wand->cost > of_parts->cost)) {
+  const double gain = verdict.wand && verdict.wand->OccludedCount() == 0 ? kWholeGain : 0;
+  if (of_parts && (!verdict.wand || verdict.wand->cost > of_parts->cost + gain)) {
     verdict = Verdict();
     verdict.wand = std::move(of_parts);
   }
@@ -174,7 +176,7 @@ double WandDetector::Unlikeness(const WandCandidate& candidate) const {
 
 // What was left out is hardly as good.
 bool WandDetector::IsSure(const VerifiedWand& wand) const {
-  return wand.cost < kSureCost && spot_finder_.has_all();
+  return wand.cost < kSureCost && spot_finder_.least_doubt_left() > wand.cost + kALittleWorse;
 }
 
 // The first candidates may take all the work that is left: they are hardly ever others than the

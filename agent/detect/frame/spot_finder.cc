@@ -18,12 +18,13 @@ constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
 // Ranges of colour. `brighter`: from value_min to the brightest; `paler`: of saturation_min.
 struct LevelRange {
   double brighter, paler;
-  bool white;           // takes what the sensor has lost the colour of
-  bool turned = false;  // takes the hues to which clipping turns the wand's
+  bool white;             // takes what the sensor has lost the colour of
+  bool turned = false;    // takes the hues to which clipping turns the wand's
+  bool whitened = false;  // takes what is bright in all channels instead
 };
-constexpr LevelRange kLevels[] = {{0, 1, true},           {0.2, 1, true},      {0.4, 1, true},
-                                  {0.6, 1, true},         {0.35, 0.55, false}, {0, 0.55, false},
-                                  {0.2, 0.55, true, true}};
+constexpr LevelRange kLevels[] = {
+    {0, 1, true},        {0.2, 1, true},   {0.4, 1, true},          {0.6, 1, true},
+    {0.35, 0.55, false}, {0, 0.55, false}, {0.2, 0.55, true, true}, {0, 0.55, false, false, true}};
 constexpr double kPastSecondaryDeg = 3;
 constexpr int kLargeAreaPx = 800;
 constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
@@ -102,8 +103,13 @@ absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options) 
     its.colour.saturation_min *= level.paler;
     if (!level.white) its.colour.washed_out_min = kNeverWashedOut;
     if (level.turned) its.colour = WithClippedHues(its.colour);
-    RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
+    // A spot has the wand's colour, whatever it was found by.
     RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(its.colour));
+    if (level.whitened) {
+      its.colour.washed_out_min = its.colour.value_min;
+      its.colour.saturation_min = 1;
+    }
+    RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
     its.colour.washed_out_min = kNeverWashedOut;
     RIGCAL_ASSIGN_OR_RETURN(BlobFinder coloured, BlobFinder::Create(its));
     finder.levels_.push_back({std::move(blobs), std::move(coloured), masker});

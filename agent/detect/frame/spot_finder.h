@@ -42,6 +42,9 @@ class SpotFinder {
   static constexpr size_t kWideLevels[] = {0, 1, 2, 3}, kPaleLevels[] = {4, 5};
   // Of spheres so bright that two channels are clipped, which turns red to yellow.
   static constexpr size_t kClippedLevel = 6;
+  // Of spheres that white light has made brighter in all channels than what is behind them, which
+  // is of their hue and has more colour.
+  static constexpr size_t kWhitenedLevel = 7;
 
   // INVALID_ARGUMENT: options not valid.
   static absl::StatusOr<SpotFinder> Create(const BlobFinderOptions& options);

@@ -44,8 +44,9 @@ constexpr double kWorkOfNext = 2000;
 constexpr double kWorkOfOccluded = 12000;
 constexpr double kLikelyCost = 12, kWorkOfUnlikely = 2000;  // a wand rarely begins with more
 constexpr size_t kFirstCandidates = 2;
-constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spheres
-constexpr double kLeastLit = 0.02;   // of the pixels
+constexpr double kWhiteRoom = 0.01;       // of the pixels: more than saturated spheres
+constexpr double kLeastLit = 0.02;        // of the pixels
+constexpr double kMostlyItsColour = 0.2;  // of the pixels
 constexpr double kLittleMs = 1.8;
 constexpr double kAnotherLevelMs = 2;  // less: a hidden marker is looked for in another level
 constexpr double kWholeGain = 5;       // in cost, against the same with a hidden marker
@@ -136,6 +137,9 @@ Verdict WandDetector::SearchLevels(const ImageView& image, std::optional<Verifie
     if (search(level) && !has_rivals_) return verdict;
     // A window's slats look alike, but have no colour.
     if (has_rivals_ || !IsCrowded()) break;
+    if (level == 0 && passed_share_ > kMostlyItsColour && IsLit(image)) {
+      if (search(SpotFinder::kWhitenedLevel) && !has_rivals_) return verdict;
+    }
   }
   // No light of a dark room whitens a sphere.
   if (!is_white && !IsLit(image)) {

@@ -16,7 +16,7 @@ namespace {
 constexpr float kDarkest = 0.6f, kBrightest = 1.5f, kColour = 0.13f;
 constexpr double kGapPx = 1.2, kGapRadii = 0.08, kLeastRingPx = 2, kRingRadii = 0.3;
 constexpr double kFinePartPx = 5;      // larger ones are read more coarsely
-constexpr double kWorkOfPixel = 0.25;  // against one that is measured
+constexpr double kWorkOfPixel = 0.08;  // against one that is measured
 // Of a part, against the whole marker.
 constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
                  kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
@@ -49,64 +49,102 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
   const double from = radius_px + kGapPx + kGapRadii * radius_px;
   const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
   const int step = std::clamp(static_cast<int>(radius_px / kFinePartPx), 1, 4);
-  const auto low = [&](double at) { return std::max(0, static_cast<int>(std::ceil(at - to))); };
-  const auto high = [&](double at, int size) {
-    return std::min(size - 1, static_cast<int>(std::floor(at + to)));
+  const auto low = [](double at, double reach) {
+    return std::max(0, static_cast<int>(std::ceil(at - reach)));
+  };
+  const auto high = [](double at, double reach, int size) {
+    return std::min(size - 1, static_cast<int>(std::floor(at + reach)));
   };
   const float brightness = core.norm();
   const Eigen::Vector3f colour = core / brightness;
-  int brighter = 0;
+  const float least_squared = kDarkest * kDarkest * brightness * brightness;
+  const float most_squared = kBrightest * kBrightest * brightness * brightness;
+  constexpr float kCosine = 1 - 0.5f * kColour * kColour;
+  int brighter = 0, read = 0;
   bool as_bright = false;  // the last pixel, whatever its colour
   const auto is_alike = [&](int x, int y) {
-    *work -= kWorkOfPixel;
+    ++read;
     const Eigen::Vector3f grey = GreyAt(image, x, y);
-    const float length = grey.norm();
-    if (length >= kBrightest * brightness) ++brighter;
-    as_bright = length > kDarkest * brightness;
-    return length > kDarkest * brightness && length < kBrightest * brightness &&
-           (grey / length - colour).squaredNorm() < kColour * kColour;
+    const float squared = grey.squaredNorm();
+    as_bright = squared > least_squared;
+    if (!as_bright) return false;
+    if (squared >= most_squared) {
+      ++brighter;
+      return false;
+    }
+    const float along = grey.dot(colour);
+    return along > 0 && along * along > kCosine * kCosine * squared;
   };
   const auto neighbours_alike = [&](int x, int y) {
     if (x == 0 || y == 0 || x + 1 == image.width || y + 1 == image.height) return 0;
     return int{is_alike(x - 1, y)} + int{is_alike(x + 1, y)} + int{is_alike(x, y - 1)} +
            int{is_alike(x, y + 1)};
   };
-  int disc = 0, ring = 0, around = 0, solid = 0, nearly_solid = 0, other = 0;
-  ComponentSums sums;
-  for (int y = low(centre_px.y()); y <= high(centre_px.y(), image.height); y += step) {
-    for (int x = low(centre_px.x()); x <= high(centre_px.x(), image.width); x += step) {
-      const double squared = Squared(x - centre_px.x()) + Squared(y - centre_px.y());
-      const bool inside = squared <= radius_px * radius_px;
-      if (!inside && (squared < from * from || squared > to * to)) continue;
-      (inside ? disc : ring) += 1;
-      const bool alike = is_alike(x, y);
-      if (inside && as_bright && !alike) ++other;
-      if (!alike) continue;
-      if (!inside) {
-        ++around;
-        continue;
+  const auto is_inside = [&](int x, int y) {
+    return Squared(x - centre_px.x()) + Squared(y - centre_px.y()) <= radius_px * radius_px;
+  };
+  // Mostly nothing is there. Of a pixel and its neighbours some lie on a chequered pattern.
+  const auto has_any = [&] {
+    if (step > 1) return true;
+    const int right = high(centre_px.x(), radius_px, image.width);
+    const int bottom = high(centre_px.y(), radius_px, image.height);
+    for (int y = low(centre_px.y(), radius_px); y <= bottom; ++y) {
+      for (int x = low(centre_px.x(), radius_px) + (y & 1); x <= right; x += 2) {
+        if (is_inside(x, y) && is_alike(x, y)) return true;
       }
-      const int neighbours = neighbours_alike(x, y);
-      solid += neighbours == 4 ? 1 : 0;
-      nearly_solid += neighbours >= 3 ? 1 : 0;
-      Count(x, y, &sums);
     }
-  }
+    return false;
+  };
+  const bool any = has_any();
+  *work -= kWorkOfPixel * read;
+  if (!any) return std::nullopt;
+  brighter = read = 0;
+  // Calls `look` for what is nearer than `reach`.
+  const auto for_each = [&](double reach, const auto& look) {
+    const int right = high(centre_px.x(), reach, image.width);
+    const int bottom = high(centre_px.y(), reach, image.height);
+    for (int y = low(centre_px.y(), reach); y <= bottom; y += step) {
+      for (int x = low(centre_px.x(), reach); x <= right; x += step) look(x, y);
+    }
+  };
+  int disc = 0, solid = 0, nearly_solid = 0, other = 0;
+  ComponentSums sums;
+  for_each(radius_px, [&](int x, int y) {
+    if (!is_inside(x, y)) return;
+    ++disc;
+    const bool alike = is_alike(x, y);
+    if (as_bright && !alike) ++other;
+    if (!alike) return;
+    const int neighbours = neighbours_alike(x, y);
+    solid += neighbours == 4 ? 1 : 0;
+    nearly_solid += neighbours >= 3 ? 1 : 0;
+    Count(x, y, &sums);
+  });
+  *work -= kWorkOfPixel * read;
+  read = 0;
   const double pixels = std::numbers::pi * radius_px * radius_px / (step * step);
-  if (disc < kInImage * pixels || ring == 0) return std::nullopt;
+  if (disc < kInImage * pixels) return std::nullopt;
   HiddenPart part;
   part.share = static_cast<double>(sums.area) / disc;
-  part.around = static_cast<double>(around) / ring;
-  // The rim of something brighter has the others' colour by chance, but only a pixel wide.
-  if (brighter == 0) solid = nearly_solid;
+  const double least_solid = std::max(kLeastSolid, kLeastSolidShare * disc);
+  if (part.share < kLeastShare || nearly_solid < least_solid) return std::nullopt;
   // What hides a marker is hardly as bright as it is: that is a lamp or a label with a rim.
   if (other > std::max(kMostOther * disc, kOtherShare * static_cast<double>(sums.area))) {
     return std::nullopt;
   }
-  if (part.share < kLeastShare || solid < std::max(kLeastSolid, kLeastSolidShare * disc) ||
-      part.around > kMostAround) {
-    return std::nullopt;
-  }
+  int ring = 0, around = 0;
+  for_each(to, [&](int x, int y) {
+    const double squared = Squared(x - centre_px.x()) + Squared(y - centre_px.y());
+    if (squared < from * from || squared > to * to) return;
+    ++ring;
+    around += is_alike(x, y) ? 1 : 0;
+  });
+  *work -= kWorkOfPixel * read;
+  if (ring == 0) return std::nullopt;
+  part.around = static_cast<double>(around) / ring;
+  // The rim of something brighter has the others' colour by chance, but only a pixel wide.
+  if (brighter > 0 && solid < least_solid) return std::nullopt;
+  if (part.around > kMostAround) return std::nullopt;
   part.cost = Squared(part.around / kAroundSigma) +
               kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
   part.blob = ToBlob(sums, image);
@@ -129,7 +167,7 @@ std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vec
   Eigen::Matrix3f moments = Eigen::Matrix3f::Zero();
   int ring = 0;
   for (int y = top; y <= bottom; ++y) {
-    for (int x = left; x <= right; ++x) {
+    for (int x = left + (y & 1); x <= right; x += 2) {
       if (squared(x, y) < from * from || squared(x, y) > to * to) continue;
       const Eigen::Vector3f grey = GreyAt(image, x, y);
       around += grey;
@@ -137,7 +175,7 @@ std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vec
       ++ring;
     }
   }
-  *work -= kWorkOfPixel * (right - left + 1) * (bottom - top + 1);
+  *work -= kWorkOfPixel * ring;
   if (ring < 8) return std::nullopt;
   around /= static_cast<float>(ring);
   moments = moments / static_cast<float>(ring) - around * around.transpose();
@@ -153,9 +191,11 @@ std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vec
     const Eigen::Vector3f grey = GreyAt(image, x, y) - around;
     const float along = grey.dot(unit);
     const auto share = static_cast<double>(along) / length;
+    if (!(share >= least)) return 0.0;
     const double across = static_cast<double>((grey - along * unit).norm()) / length;
-    return share >= least && across < kCoverColour * share + sigma ? std::min(share, 1.0) : 0.0;
+    return across < kCoverColour * share + sigma ? std::min(share, 1.0) : 0.0;
   };
+  *work -= kWorkOfPixel * std::numbers::pi * radius_px * radius_px;
   ComponentSums sums;
   double area_px = 0;
   int disc = 0;

@@ -41,6 +41,7 @@ MarkerSight SightOf(const Blob& blob, const MarkerSight& ray) {
 
 // Where a marker must be, if the other two are so far away.
 struct Place {
+  Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();  // z = 1
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
   double radius_px = 0;
   double size_cost = 0;
@@ -77,6 +78,7 @@ class PartSearch {
     std::optional<HiddenPart> best;
     std::optional<Place> place;
     const auto look = [&] {
+      if (!finder_.ImageOf(place->ray, &place->centre_px)) return;
       ++found_.tried;
       std::optional<HiddenPart> part =
           LookForPart(image_, place->centre_px, place->radius_px, core, &work_);
@@ -95,7 +97,8 @@ class PartSearch {
         best = part;
       }
     };
-    Eigen::Vector2d begin_px = Eigen::Vector2d::Zero();
+    Eigen::Vector3d begin = Eigen::Vector3d::Zero();
+    const double scale_px = 0.5 * (sight_a.scale_px + sight_b.scale_px);
     for (int i = 0; i <= kSteps; ++i) {
       const double ratio = low * std::pow(high / low, static_cast<double>(i) / kSteps);
       const Eigen::Vector3d line = ratio * sight_b.ray - sight_a.ray;
@@ -104,7 +107,8 @@ class PartSearch {
       if (!(size_cost <= kMaxSizeCost)) continue;
       const Eigen::Vector3d hidden = sight_a.ray + at * line;
       Place next{.size_cost = size_cost};
-      if (!(hidden.z() > 0) || !finder_.ImageOf(hidden, &next.centre_px)) continue;
+      if (!(hidden.z() > 0)) continue;
+      next.ray = hidden / hidden.z();
       next.radius_px = 0.5 * (sight_a.radius_px + ratio * sight_b.radius_px) / hidden.norm();
       if (work_ <= 0) {
         found_.cut_short = true;
@@ -112,9 +116,10 @@ class PartSearch {
         return;
       }
       // Of places that are nearly the same the one that fits the sizes best.
-      const bool moved = place && (next.centre_px - begin_px).norm() > kStepRadii * next.radius_px;
+      const bool moved =
+          place && scale_px * (next.ray - begin).norm() > kStepRadii * next.radius_px;
       if (moved) look();
-      if (!place || moved) begin_px = next.centre_px;
+      if (!place || moved) begin = next.ray;
       if (!place || moved || next.size_cost < place->size_cost) place = next;
     }
     if (place) look();

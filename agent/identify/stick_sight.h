@@ -9,7 +9,7 @@
 namespace rigcal::agent {
 
 // In the pixels that a measurement of a marker reads; and a share of a stick that is surely seen.
-inline constexpr double kWorkOfStick = 8, kStickSeen = 0.7;
+inline constexpr double kWorkOfStick = 5, kStickSeen = 0.7;
 
 // How much of a stick is seen along the line between two points, 0 to 1: the share of pieces of the
 // line that differ from both of their sides alike, as do the others. 0 where too little of the line

@@ -27,7 +27,9 @@ constexpr double kHandSpeed = 0.6;
 
 // Of wands of which a marker is hidden.
 constexpr size_t kMaxPartial = 12, kFewThings = 12;
-constexpr double kWorkOfPlaces = 12000;  // in pixels, where hidden markers may be
+constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may be
+constexpr double kWorkOfPartial = 4000, kShareOfPartial = 1.0 / 3;  // their verification
+constexpr double kWorkOfParts = 7000;                               // of both, what others leave
 constexpr double kPartialConfidence = 0.65;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
@@ -40,7 +42,7 @@ constexpr double kWorkOfLevel = 8000;
 // Of a level of a crowded picture: something is left for those that follow.
 constexpr int kFitsOfCrowded = 150;
 constexpr double kWorkOfCrowded = 5000;
-constexpr double kWorkOfNext = 2000;
+constexpr double kWorkOfNext = 4000;
 constexpr double kWorkOfOccluded = 12000;
 constexpr double kLikelyCost = 12, kWorkOfUnlikely = 2000;  // a wand rarely begins with more
 constexpr size_t kFirstCandidates = 2;
@@ -200,9 +202,11 @@ Verdict WandDetector::VerifyFound(const ImageView& image, double most_work) {
   if (all.size() == first) return verdict;
   const auto likely = static_cast<size_t>(std::ranges::count_if(
       all, [](const WandCandidate& candidate) { return candidate.cost < kLikelyCost; }));
-  if (!verdict.wand && likely > first) verdict = verify(likely, most_work);
+  // A wand with a marker that is hidden may be looked for next.
+  const auto spared = [this] { return std::max(0.0, work_left_ - kWorkOfParts); };
+  if (!verdict.wand && likely > first) verdict = verify(likely, std::min(most_work, spared()));
   if (!verdict.wand && likely == all.size()) return verdict;
-  if (!verdict.wand) return verify(all.size(), kWorkOfUnlikely);
+  if (!verdict.wand) return verify(all.size(), std::min(kWorkOfUnlikely, spared()));
   return verify(all.size(), verdict.wand->OccludedCount() == 0 ? work_left_ : kWorkOfOccluded);
 }
 
@@ -279,7 +283,9 @@ Verdict WandDetector::SearchPartial(const ImageView& image, double kept_work) {
     if (!IsRound(spot.blob) || spot.blob.touches_border || spot.is_half) continue;
     wholes.push_back({spot.blob, spot.core, spot.doubt});
   }
-  kept_work = std::min(work_left_, kept_work);
+  kept_work = std::min(0.5 * work_left_, kept_work);
+  const double to_verify = std::min(kShareOfPartial * (work_left_ - kept_work), kWorkOfPartial);
+  kept_work += to_verify;
   work_left_ -= kept_work;
   double places = std::min(work_left_, kWorkOfPlaces);
   work_left_ -= places;
@@ -295,6 +301,8 @@ Verdict WandDetector::SearchPartial(const ImageView& image, double kept_work) {
   }
   PartialWands found = FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places);
   work_left_ += std::max(0.0, places);
+  kept_work -= to_verify;
+  work_left_ += to_verify;
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
   standing_out_ = std::move(found.blobs);

@@ -13,7 +13,7 @@ namespace {
 constexpr int kGapRounds = 4;
 constexpr size_t kLongestGap = 9;              // sectors
 constexpr double kGapCost = 2, kGapGain = 14;  // chi-squared: of a sector, of any gap
-constexpr double kMostOfGain = 0.85;
+constexpr double kMostOfGain = 0.85, kMostLeft = 10;
 constexpr double kLeastDepthPx = 0.1;                       // of a gap's edges, inwards
 constexpr double kLeastInformation = 0.2;                   // of a sector, of the mean
 constexpr double kStillInside = 2;                          // sigmas
@@ -148,7 +148,8 @@ class GapSearch {
     // The shortest one that explains most of it: an ellipse through few sectors fits anything.
     size_t first = 0, count = 0;
     for (size_t length = 1; length <= kLongestGap && count == 0 && best > kGapGain; ++length) {
-      if (gaps[length].gain > kMostOfGain * best) first = gaps[length].first, count = length;
+      if (gaps[length].gain > std::max(kMostOfGain * best, best - kMostLeft))
+        first = gaps[length].first, count = length;
     }
     Sectors gap{};
     for (size_t i = 0; i < count; ++i) gap[(first + i) % kOutlineSectors] = true;

@@ -89,21 +89,23 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
     const float nz = std::sqrt(facing);
     const float lambert =
         q[kOutlineSlopeX] * vx + q[kOutlineSlopeY] * vy + q[kOutlineBendAlong] * nz;
-    const float lit = lambert > 0 ? shading[i] : 0;
+    const float lit = shading[i] * ((lambert > 0 ? 1.0f : 0.0f) + q[kOutlineSky]);
     // Which of the two models.
     const float w = white, p = 1 - white;
     const float slope_by = p + w * lit;
     const float along_by = p * along + w * lit * nz;
-    const float light = q[kOutlineBrightness] +
+    const float diagonal_by = p * diagonal + w * (shading[i] - 1);
+    const float own = w * (q[kOutlineOwnX] * vx + q[kOutlineOwnY] * vy);
+    const float light = q[kOutlineBrightness] + own +
                         slope_by * (q[kOutlineSlopeX] * vx + q[kOutlineSlopeY] * vy) +
-                        along_by * q[kOutlineBendAlong] + p * q[kOutlineBendDiagonal] * diagonal +
+                        along_by * q[kOutlineBendAlong] + diagonal_by * q[kOutlineBendDiagonal] +
                         q[kOutlineBendRound] * round;
     // Change of the light with u.
     const float along_w = w * lit * q[kOutlineBendAlong] / nz;
-    const float raw_x = slope_by * q[kOutlineSlopeX] - along_w * vx +
+    const float raw_x = slope_by * q[kOutlineSlopeX] + w * q[kOutlineOwnX] - along_w * vx +
                         2 * ((p * q[kOutlineBendAlong] + q[kOutlineBendRound]) * vx +
                              p * q[kOutlineBendDiagonal] * vy);
-    const float raw_y = slope_by * q[kOutlineSlopeY] - along_w * vy +
+    const float raw_y = slope_by * q[kOutlineSlopeY] + w * q[kOutlineOwnY] - along_w * vy +
                         2 * ((q[kOutlineBendRound] - p * q[kOutlineBendAlong]) * vy +
                              p * q[kOutlineBendDiagonal] * vx);
     const float outwards = (raw_x * ux + raw_y * uy) * per_n * per_n;
@@ -129,8 +131,11 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
     out(kOutlineSlopeX, i) = cover * slope_by * vx;
     out(kOutlineSlopeY, i) = cover * slope_by * vy;
     out(kOutlineBendAlong, i) = cover * along_by;
-    out(kOutlineBendDiagonal, i) = p * cover * diagonal;
+    out(kOutlineBendDiagonal, i) = cover * diagonal_by;
     out(kOutlineBendRound, i) = cover * round;
+    out(kOutlineOwnX, i) = w * cover * vx;
+    out(kOutlineOwnY, i) = w * cover * vy;
+    out(kOutlineSky, i) = w * cover * shading[i] * lambert;
   }
 }
 
@@ -159,6 +164,7 @@ void OutlinePixels::FillUp() {
 void OutlineRows::Model(const OutlinePixels& pixels, const float* parameters, bool white_light) {
   const size_t groups = pixels.size() / kGroup;
   rows_.resize(groups * kStride);
+  used_ = white_light ? kOutlineCount : kOutlineOwnX;
   for (size_t g = 0; g < groups; ++g) {
     FillGroup(&pixels.x[g * kGroup], &pixels.y[g * kGroup], &pixels.white[g * kGroup],
               white_light ? 1.0f : 0.0f, parameters, &rows_[g * kStride]);
@@ -170,7 +176,7 @@ void OutlineRows::Sum(const std::vector<float>& weight, const std::vector<float>
   const size_t groups = rows_.size() / kStride;
   weighted_.resize(groups * kGroup);
   const auto row = [this](int i) { return rows_.data() + static_cast<size_t>(i) * kGroup; };
-  for (int i = 0; i < kOutlineCount; ++i) {
+  for (int i = 0; i < used_; ++i) {
     Multiply(weight.data(), row(i), kStride, groups, weighted_.data());
     gradient[i] = Product(weighted_.data(), residual.data(), kGroup, groups);
     for (int j = 0; j <= i; ++j) {

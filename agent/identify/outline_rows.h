@@ -7,7 +7,7 @@
 
 namespace rigcal::agent {
 
-// Parameters of a sphere's outline, see FitSphereOutline.
+// Parameters of a sphere's outline, see SphereOutlineFitter.
 enum OutlineParameter : int {
   kOutlineX,
   kOutlineY,
@@ -21,8 +21,11 @@ enum OutlineParameter : int {
   kOutlineSlopeX,      // g; of white light Dx and Dy
   kOutlineSlopeY,
   kOutlineBendAlong,     // h1; of white light Dz
-  kOutlineBendDiagonal,  // h2
+  kOutlineBendDiagonal,  // h2; of white light o
   kOutlineBendRound,     // h3
+  kOutlineOwnX,          // of white light only: the own light's g
+  kOutlineOwnY,
+  kOutlineSky,  // and k
   kOutlineCount
 };
 
@@ -60,9 +63,9 @@ class OutlineRows {
   float value(size_t pixel) const { return Of(kOutlineCount, pixel); }
   float slope(OutlineParameter parameter, size_t pixel) const { return Of(parameter, pixel); }
 
-  // Sums of weight * slope_i * slope_j into the lower triangle of `products` (kOutlineCount^2, row
-  // by row) and of weight * slope_i * residual into `gradient`. `weight` and `residual`: of each
-  // pixel.
+  // Sums of weight * slope_i * slope_j, of the parameters that the model has, into the lower
+  // triangle of `products` (kOutlineCount^2, row by row) and of weight * slope_i * residual into
+  // `gradient`. `weight` and `residual`: of each pixel.
   void Sum(const std::vector<float>& weight, const std::vector<float>& residual, float* products,
            float* gradient);
 
@@ -75,6 +78,7 @@ class OutlineRows {
   }
 
   std::vector<float> rows_;
+  int used_ = kOutlineCount;     // parameters of the model
   std::vector<float> weighted_;  // one parameter's
 };
 

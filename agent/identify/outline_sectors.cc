@@ -12,10 +12,9 @@ constexpr double kFittedShare = 11.0 / 16;  // place, radius and shape take five
 constexpr double kLeastNoise = 0.3;
 constexpr double kPixelSectors = 32;  // that the scatter of an outline's pixels counts as
 constexpr double kPriorSectors = 8;
-constexpr double kStickSides = 2;  // what is expected counts as so many
-constexpr double kStickPx = 0.02, kStickBehindPx = 0.2;
-constexpr double kStickFitted = 0.65, kMostStickPx = 0.5;
-constexpr double kDark = 0.1, kHidesPx = 100;
+// A stick that the spheres light makes them longer by some hundredths of a pixel, on the outer ones
+// on one side only: a bias that scales the rig. What is left of the edge tells the place as well.
+constexpr double kStickPx = 100;
 constexpr double kMostUsual = 5;  // of the usual variance, that a sector counts with
 constexpr double kTooFar = 4;
 // What disturbs a sector disturbs its neighbours too; so much more it moves the place.
@@ -58,31 +57,9 @@ double Excess(const SectorErrors& errors, double noise) {
   return sum / static_cast<double>(errors.squared.size());
 }
 
-// A stick moves the edge alike on all spheres, more or less.
-double StickVariance(absl::Span<const SphereOutline* const> outlines, double behind,
-                     const EdgeScatter& usual) {
-  const double expected_px = kStickPx + kStickBehindPx * behind;
-  double sum = kStickSides * expected_px * expected_px, count = kStickSides;
-  for (const SphereOutline* outline : outlines) {
-    if (outline == nullptr) continue;
-    for (size_t s = kOutlineSectors; s < kOutlineParts; ++s) {
-      const double information = outline->sector_information[s];
-      if (!(information > 0)) continue;
-      const double away = outline->sector_score[s] / information;
-      const double noise = usual.noise / information;
-      // The fit has followed it.
-      sum += std::min((away * away - kStickFitted * noise) / (kStickFitted * kStickFitted),
-                      kMostStickPx * kMostStickPx);
-      count += 1;
-    }
-  }
-  return std::max(0.0, sum / count);
-}
-
 }  // namespace
 
-std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> outlines,
-                                        double behind) {
+std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> outlines) {
   SectorErrors all;
   for (const SphereOutline* outline : outlines) {
     if (outline != nullptr) AddErrors(*outline, &all);
@@ -99,7 +76,6 @@ std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> o
   EdgeScatter usual;
   usual.noise = std::clamp(ratios / std::max(1.0, count_of_all), kLeastNoise, 1.0);
   usual.extra_px2 = Excess(all, usual.noise);
-  usual.stick_px2 = StickVariance(outlines, behind, usual);
   std::vector<EdgeScatter> scatters;
   for (const SphereOutline* outline : outlines) {
     EdgeScatter& own = scatters.emplace_back(usual);
@@ -119,9 +95,7 @@ SectorVariances ExtraVariances(const OutlinePixels& pixels, const SphereOutline&
   SectorVariances extra;
   extra.fill(kShared * scatter.extra_px2);
   for (size_t s = kOutlineSectors; s < kOutlineParts; ++s) {
-    extra[s] = std::max(extra[s], scatter.stick_px2);
-    // The stick is in front.
-    if (outline.stick_darkness[s - kOutlineSectors] > kDark) extra[s] = kHidesPx * kHidesPx;
+    extra[s] = kStickPx * kStickPx;
   }
   std::array<double, kOutlineParts> saturated{}, count{};
   for (size_t i = 0; i < pixels.size(); ++i) {

@@ -15,7 +15,6 @@ namespace rigcal::agent {
 struct EdgeScatter {
   double noise = 1;      // of the variance that the pixels are said to have
   double extra_px2 = 0;  // of a usual sector
-  double stick_px2 = 0;  // of a side of the stick, by those of all spheres
 
   double Of(double information) const { return noise / information + extra_px2; }
 };
@@ -23,13 +22,10 @@ struct EdgeScatter {
 using SectorVariances = std::array<double, kOutlineParts>;
 
 // Of each outline (null: none), by its own sectors and, because these are few, by those of all.
-// `behind`: how bright what is behind the wand is, over its contrast; the brighter, the more a
-// stick can differ from it.
-std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> outlines,
-                                        double behind = 0);
+std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> outlines);
 
 // Variances beyond the noise, px^2: those of `scatter`, more of sectors that are further away than
-// it explains, and of those whose background is saturated.
+// it explains, and of those whose background is saturated; the stick's sides tell nothing.
 SectorVariances ExtraVariances(const OutlinePixels& pixels, const SphereOutline& outline,
                                const EdgeScatter& scatter);
 

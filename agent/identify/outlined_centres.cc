@@ -17,7 +17,7 @@ namespace {
 // Widths of the edge, per relative slope of the light: blur hides how light changes near the rim.
 constexpr double kShadingError = 0.05;
 // The same along the light: of Lambert's law, and of a polynomial in its place.
-constexpr double kWhiteError = 0.14, kNoWhiteError = 0.3, kAcrossWhiteError = 0.06;
+constexpr double kWhiteError = 0.04, kNoWhiteError = 0.3, kAcrossWhiteError = 0.02;
 constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 constexpr double kHiddenError = 1;              // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
@@ -26,7 +26,7 @@ constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;
 // A sphere that is smaller than the others say and whose edge is that much less on its outline is
 // partly hidden.
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
-constexpr double kBackgroundPx = 0.3;  // of the edge, per step of the background over the contrast
+constexpr double kBackgroundPx = 0.2;  // of the edge, per step of the background over the contrast
 constexpr double kNeighbourPx = 0.1;   // of the edge, where something else is near
 constexpr double kHiddenPx = 0.1, kHiddenRatio = 6, kSuspectRatio = 3;
 constexpr double kShortPx = 0.2;  // against what diameter and distance say
@@ -65,14 +65,16 @@ bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
 
 double ScatterOf(const SphereOutline& outline) { return std::max(1.0, Squared(outline.residual)); }
 
-// One sigma of the relative slopes of the light on the wand's spheres.
-double SlopeSigma(const FittedOutlines& fitted) {
+// One sigma of the relative slopes of the light on the wand's spheres, of all light or of their
+// own.
+double SlopeSigma(const FittedOutlines& fitted, bool own) {
   double squares = 0, noise = 0;
   int count = 0;
   for (const auto& outline : fitted) {
     if (!outline) continue;
-    squares += 0.5 * outline->slope.squaredNorm();
-    noise += 0.5 * ScatterOf(*outline) * outline->slope_covariance.trace();
+    squares += 0.5 * (own ? outline->own_slope : outline->slope).squaredNorm();
+    noise += 0.5 * ScatterOf(*outline) *
+             (own ? outline->own_slope_covariance : outline->slope_covariance).trace();
     ++count;
   }
   if (count == 0) return kLeastSlope;
@@ -102,16 +104,10 @@ FittedOutlines WithTheirLight(const OutlinedMarkers& markers, const VerifiedWand
   return light->white ? white : own;
 }
 
-std::vector<EdgeScatter> ScatterOf(const FittedOutlines& outlines, const VerifiedWand& wand) {
+std::vector<EdgeScatter> ScatterOf(const FittedOutlines& outlines) {
   std::vector<const SphereOutline*> all;
-  double behind = 0, contrast = 0;
-  for (size_t k = 0; k < outlines.size(); ++k) {
-    all.push_back(outlines[k] ? &*outlines[k] : nullptr);
-    if (!outlines[k]) continue;
-    behind += std::max(0.0, wand.centres[k].plateau_grey.norm() - wand.centres[k].contrast_grey);
-    contrast += wand.centres[k].contrast_grey;
-  }
-  return ScatterOfEdges(all, contrast > 0 ? std::min(1.0, behind / contrast) : 0);
+  for (const auto& outline : outlines) all.push_back(outline ? &*outline : nullptr);
+  return ScatterOfEdges(all);
 }
 
 double MedianOf(std::vector<double> values) {
@@ -248,7 +244,7 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
     ++count;
   }
   const bool shaded = chi_squared >= kShaded * count;
-  const double slope_sigma = SlopeSigma(fitted);
+  const double slope_sigma = SlopeSigma(fitted, true), light_sigma = SlopeSigma(fitted, false);
   FittedOutlines outlines(markers.size());
   for (size_t k = 0; k < markers.size(); ++k) {
     if (!fitted[k]) continue;
@@ -289,7 +285,7 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
   const auto pixels_of = [&](size_t k) -> const OutlinePixels& {
     return arcs[k].is_all() ? *markers[k].pixels : arcs[k].pixels;
   };
-  const std::vector<EdgeScatter> scatters = ScatterOf(outlines, *wand);
+  const std::vector<EdgeScatter> scatters = ScatterOf(outlines);
   OutlinePixels discounted;
   for (size_t k = 0; k < markers.size(); ++k) {
     if (!wand->whole[k]) continue;
@@ -349,7 +345,7 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
     }
     // Light from one side is not quite a polynomial, and moves a centroid.
     if (outlines[k]) {
-      const double slope = std::min(slope_sigma * std::sqrt(2.0), outlines[k]->slope.norm());
+      const double slope = std::min(light_sigma * std::sqrt(2.0), outlines[k]->slope.norm());
       const double blurred_px = slope * outlines[k]->edge_px;
       wrong_px =
           std::hypot(wrong_px, (light.white ? kAcrossWhiteError : kShadingError) * blurred_px);
@@ -359,7 +355,7 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
         centre.covariance_px2 += along_px * along_px * along * along.transpose();
       }
     } else {
-      wrong_px = kCentroidShadingError * slope_sigma * centre.radius_px;
+      wrong_px = kCentroidShadingError * light_sigma * centre.radius_px;
       if (fitted[k]) {
         wrong_px =
             std::hypot(wrong_px, kHiddenError * fitted[k]->off_outline * fitted[k]->radius_px);

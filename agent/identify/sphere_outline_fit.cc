@@ -14,6 +14,8 @@ namespace {
 // What is expected of the parameters, one sigma. Not of the place.
 constexpr double kShapeSigma = 0.04, kEdgeSigma = 1.5, kEdgeShapeSigma = 0.5;
 constexpr double kBendSigma = 0.3, kWhiteSigma = 1.5;
+constexpr double kMostOwnSlope = 0.2;  // one sigma, where white light can be told from it
+constexpr double kSky = 0.2, kSkySigma = 0.2;
 constexpr double kUsualEdgePx2 = 0.5;  // a pixel's own width and a little blur
 constexpr float kCauchy = 2.4f;        // sigmas
 constexpr size_t kFewest = kOutlineCount + 8;
@@ -81,7 +83,7 @@ SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& 
   system.cost = 0.5 / static_cast<double>(kPerCauchy2) * (system.cost + std::log(product));
   Eigen::Matrix<float, kOutlineCount, kOutlineCount, Eigen::RowMajor> products;
   products.setZero();
-  Eigen::Matrix<float, kOutlineCount, 1> gradient;
+  Eigen::Matrix<float, kOutlineCount, 1> gradient = Eigen::Matrix<float, kOutlineCount, 1>::Zero();
   rows_.Sum(weight_, residual_, products.data(), gradient.data());
   system.information = products.cast<double>();
   system.gradient = gradient.cast<double>();
@@ -114,20 +116,6 @@ void SphereOutlineFitter::ReadEdge(const OutlinePixels& pixels, SphereOutline* o
     outline->edge_freedom += 1;
   }
   for (double& information : informations) information *= outline->follows;
-  std::array<double, 2> missing{}, count{};
-  for (size_t i = 0; i < pixels.stick_side.size(); ++i) {
-    const auto light = static_cast<double>(rows_.value(i));
-    if (pixels.stick_side[i] == 0 || !(pixels.precision[i] > 0) ||
-        light < 0.5 * outline->brightness) {
-      continue;
-    }
-    const size_t side = pixels.stick_side[i] - size_t{1};
-    missing[side] -= static_cast<double>(residual_[i]);
-    count[side] += outline->brightness;
-  }
-  for (size_t side = 0; side < 2; ++side) {
-    outline->stick_darkness[side] = count[side] > 0 ? missing[side] / count[side] : 0;
-  }
 }
 
 void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline) {
@@ -166,7 +154,13 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   for (const auto p : {kOutlineBendAlong, kOutlineBendDiagonal, kOutlineBendRound}) {
     expect(p, kBendSigma);
   }
+  for (const auto p : {kOutlineOwnX, kOutlineOwnY}) {
+    expect(p, std::min(shading.slope_sigma, kMostOwnSlope));
+  }
+  expect(kOutlineSky, kSkySigma);
   if (shading.white) {
+    expected[kOutlineSky] = kSky;
+    if (!start->white) q[kOutlineSky] = kSky;
     expect(kOutlineBendAlong, kWhiteSigma);
     // The half that is lit changes by twice the slope of the whole.
     const double lit = q.segment<2>(kOutlineSlopeX).norm();
@@ -243,6 +237,9 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
                                           .solve(q.segment<2>(kOutlineSlopeX)));
   const double brightness = std::max(0.1, q[kOutlineBrightness]);
   start->slope = q.segment<2>(kOutlineSlopeX) / brightness;
+  const int own = shading.white ? kOutlineOwnX : kOutlineSlopeX;
+  start->own_slope = q.segment<2>(own) / brightness;
+  start->own_slope_covariance = covariance.block<2, 2>(own, own) / (brightness * brightness);
   start->slope_covariance =
       covariance.block<2, 2>(kOutlineSlopeX, kOutlineSlopeX) / (brightness * brightness);
   start->cost = system.cost;

@@ -13,7 +13,7 @@ namespace rigcal::agent {
 // What is expected of the light on a sphere.
 struct SphereShading {
   static constexpr double kAnySlope = 0.5;  // leaves any light possible
-  double slope_sigma = kAnySlope;           // of the relative slopes of brightness
+  double slope_sigma = kAnySlope;           // of the relative slopes of its own brightness
   // White light shades it, more in the channels in which the marker itself is darker. Otherwise it
   // is the marker's own light that is uneven, alike in all channels.
   bool white = false;
@@ -66,14 +66,14 @@ struct SphereOutline {
   // Relative slopes of brightness, per radius, and their covariance by the same noise.
   Eigen::Vector2d slope = Eigen::Vector2d::Zero();
   Eigen::Matrix2d slope_covariance = Eigen::Matrix2d::Identity();
+  // The same of the sphere's own light, without white light.
+  Eigen::Vector2d own_slope = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d own_slope_covariance = Eigen::Matrix2d::Identity();
   // Of the slopes of brightness (two degrees of freedom): normal noise alone gives 2 in the mean.
   double slope_chi_squared = 0;
   // Of the edge's place, part by part: score / information is how far outwards it is from the
   // outline, in pixels, and 1 / information its variance by the pixels' noise.
   std::array<double, kOutlineParts> sector_score{}, sector_information{};
-  // Of the stick's two sides: how much darker than the sphere it is before it, over the sphere's
-  // brightness; 0: nothing of the sphere is there.
-  std::array<double, 2> stick_darkness{};
   Eigen::Matrix<double, kOutlineCount, 1> parameters =
       Eigen::Matrix<double, kOutlineCount, 1>::Zero();
 
@@ -90,15 +90,18 @@ struct SphereOutline {
 //   m = F(rho / sigma) (a + g . u + h1 (ux^2 - uy^2) + 2 h2 ux uy + h3 (|u|^2 - 1/2)),
 //   u = W (x - centre),   W = [1 + p, q; q, 1 - p] / radius,
 // or, where white light from one direction D shades it,
-//   m = F(rho / sigma) (a + w max(0, D . n) + h3 (|u|^2 - 1/2)),
+//   m = F(rho / sigma) (a + g . u + w (max(0, D . n) + k D . n) + o (w - 1) + h3 (|u|^2 - 1/2)),
 //   n = (ux, uy, sqrt(1 - |u|^2)),  towards the camera,  w: see OutlinePixels::white,
-// which is Lambert's law on a sphere; a polynomial for it moves the centre by up to 0.1 px;
-// with rho the distance to the outline |u| = 1 to first order, positive inside; F the distribution
-// of density (1 - t^2)^2, nearly normal and of finite extent; and sigma^2 = s (1 + b cos 2t + c sin
-// 2t) by the direction t of the outline's normal, so that motion blurs some sides more than others.
-// Levenberg-Marquardt with weights of the Cauchy distribution, weak priors for what a small image
-// does not determine. The slopes g are expected to be 0 within `slope_sigma`: in a small image that
-// is evenly lit they cost precision and give nothing. Buffers are kept; one thread at a time.
+// which is Lambert's law on a sphere under a lamp and a ceiling or sky that is as bright as k says
+// (an even half of a sky lights a surface by (1 + n . up) / 2); a polynomial for it moves the
+// centre by up to 0.1 px. Coverages are 1 where the sphere was measured, white light included, in
+// each channel: o is what it adds there, negative; with rho the distance to the outline |u| = 1 to
+// first order, positive inside; F the distribution of density (1 - t^2)^2, nearly normal and of
+// finite extent; and sigma^2 = s (1 + b cos 2t + c sin 2t) by the direction t of the outline's
+// normal, so that motion blurs some sides more than others. Levenberg-Marquardt with weights of the
+// Cauchy distribution, weak priors for what a small image does not determine. The slopes g are
+// expected to be 0 within `slope_sigma`: in a small image that is evenly lit they cost precision
+// and give nothing. Buffers are kept; one thread at a time.
 class SphereOutlineFitter {
  public:
   // `pixels`: filled up to whole groups. `start`: centre and radius, or all parameters of an

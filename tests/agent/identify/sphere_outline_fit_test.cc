@@ -87,6 +87,39 @@ TEST(SphereOutlineFitter, WhiteLightFromAboveDoesNotMoveTheCentre) {
   }
 }
 
+// Behind a mosaic each channel's coverage is 1 where the sphere was measured, white light included,
+// of which the channels have different shares. Its own light is uneven across the white light.
+TEST(SphereOutlineFitter, WhiteLightThroughAMosaicDoesNotMoveTheCentre) {
+  SphereOutlineFitter fitter;
+  for (const double radius : {6.0, 12.0}) {
+    const Eigen::Vector2d centre(0.2, 0.1);
+    OutlinePixels pixels = Disc(centre, radius, 0, 3);
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      const float shares[] = {1.0f, 1.6f, 1.6f, 4.0f};
+      const float share = shares[i % 2 + 2 * (static_cast<size_t>(pixels.y[i] + 64) % 2)];
+      const Eigen::Vector2d d(static_cast<double>(pixels.x[i]) - centre.x(),
+                              static_cast<double>(pixels.y[i]) - centre.y());
+      const Eigen::Vector2d u = d / std::max(radius, d.norm());
+      const double facing = std::sqrt(std::max(0.0, 1 - u.squaredNorm()));
+      const double cover = 0.5 * std::erfc((d.norm() - radius) / (0.7 * std::sqrt(2.0)));
+      const double toward = -0.3 * u.y() + 0.06 * facing;
+      const double lit = std::max(0.0, toward) + 0.3 * toward;
+      constexpr double kInCore = 0.1;  // of `lit`, where the sphere is measured
+      pixels.white[i] = share;
+      pixels.coverage[i] = static_cast<float>(
+          cover * (1 + 0.15 * u.x() + static_cast<double>(share) * (lit - kInCore)));
+    }
+    const Eigen::Matrix2d shape = 0.25 * radius * radius * Eigen::Matrix2d::Identity();
+    SphereOutline plain{.centre_px = {0.3, -0.2}, .radius_px = 1.03 * radius};
+    ASSERT_TRUE(fitter.Fit(pixels, shape, {}, &plain));
+    SphereOutline white = plain;
+    ASSERT_TRUE(fitter.Fit(pixels, shape, {.white = true}, &white));
+    EXPECT_LT(white.cost, plain.cost) << radius;
+    EXPECT_LT((white.centre_px - centre).norm(), 0.025) << radius;
+    EXPECT_NEAR(white.own_slope.x(), 0.15, 0.05) << radius;
+  }
+}
+
 // Blur mixes the light near the rim with what is further inside.
 TEST(SphereOutlineFitter, BlurOfAnUnevenSphereDoesNotMoveTheCentre) {
   constexpr double kRadius = 4, kBlurPx = 1.2, kSlope = 0.35, kStep = 0.2;
@@ -156,14 +189,16 @@ TEST(SphereOutlineFitter, RefusesNothingAndHalfADisc) {
 }
 
 void ExpectSlopesOfTheModel(bool white_light) {
-  const OutlinePixels pixels = Disc({0, 0}, 5, 0, 1);
-  std::array<float, kOutlineCount> parameters = {0.2f,  -0.3f, 4.3f, 0.01f, -0.01f, 0.6f,  0.1f,
-                                                 -0.1f, 1.0f,  0.2f, -0.1f, 0.1f,   0.05f, -0.2f};
+  OutlinePixels pixels = Disc({0, 0}, 5, 0, 1);
+  for (size_t i = 0; i < pixels.size(); i += 2) pixels.white[i] = 2.5f;
+  std::array<float, kOutlineCount> parameters = {0.2f,  -0.3f, 4.3f, 0.01f,  -0.01f, 0.6f,
+                                                 0.1f,  -0.1f, 1.0f, 0.2f,   -0.1f,  0.1f,
+                                                 0.05f, -0.2f, 0.1f, -0.15f, 0.2f};
   OutlineRows rows, above, below;
   rows.Model(pixels, parameters.data(), white_light);
   for (int p = 0; p < kOutlineCount; ++p) {
-    if (white_light && p == kOutlineBendDiagonal) continue;  // has no meaning there
-    const float step = white_light ? 0.001f : 0.01f;         // less across the end of the light
+    if (!white_light && p >= kOutlineOwnX) continue;  // has no meaning there
+    const float step = white_light ? 0.001f : 0.01f;  // less across the end of the light
     const float value = parameters[static_cast<size_t>(p)];
     parameters[static_cast<size_t>(p)] = value + step;
     above.Model(pixels, parameters.data(), white_light);

@@ -4,6 +4,8 @@
 #include <fmt/core.h>
 
 #include <cstdio>
+#include <functional>
+#include <string>
 
 #include "tests/accuracy/detection/detection_experiments.h"
 #include "tests/accuracy/detection/event_latency_experiment.h"
@@ -12,23 +14,39 @@
 namespace rigcal::accuracy {
 namespace {
 
+// The largest difference.
+double PrintSensor(const std::string& name,
+                   const std::function<LatencyPoint(const LatencyLight& light)>& run) {
+  fmt::print("{}\n  duty  contrast  found %  false  latency us    rms px\n", name);
+  std::vector<LatencyPoint> points;
+  for (const LatencyLight& light : LatencyLights()) {
+    const LatencyPoint& p = points.emplace_back(run(light));
+    fmt::print("  {:3.0f} %  1:{:<6.0f}  {:7.1f}  {:5}  {:6.0f} ({:3.0f})  {:.4f}\n",
+               100 * light.duty, light.contrast, 100.0 * p.found / std::max(1, p.shown),
+               p.false_wands, p.latency_us, p.sigma_us, p.rms_px);
+    std::fflush(stdout);
+  }
+  const double spread_us = LatencySpreadUs(points);
+  fmt::print("  apart: {:.0f} us\n", spread_us);
+  return spread_us;
+}
+
 int RunEventLatencies(const SeedOptions& seeds) {
   double largest_us = 0;
+  const auto seed = static_cast<uint32_t>(seeds.first);
   for (const LatencySensor& sensor : LatencySensors()) {
     if (sensor.name.find(seeds.only) == std::string::npos) continue;
-    fmt::print("{}: wand at {:.0f} Hz\n  duty  contrast  found %  false  latency us    rms px\n",
-               sensor.name, sensor.blink_hz);
-    std::vector<LatencyPoint> points;
-    for (const LatencyLight& light : LatencyLights()) {
-      const LatencyPoint& p = points.emplace_back(RunLatency(
-          sensor, light, seeds.count, static_cast<uint32_t>(seeds.first), seeds.threads));
-      fmt::print("  {:3.0f} %  1:{:<6.0f}  {:7.1f}  {:5}  {:6.0f} ({:3.0f})  {:.4f}\n",
-                 100 * light.duty, light.contrast, 100.0 * p.found / std::max(1, p.shown),
-                 p.false_wands, p.latency_us, p.sigma_us, p.rms_px);
-      std::fflush(stdout);
-    }
-    const double spread_us = LatencySpreadUs(points);
-    fmt::print("  apart: {:.0f} us\n", spread_us);
+    const std::string name = fmt::format("{}: wand at {:.0f} Hz", sensor.name, sensor.blink_hz);
+    const double spread_us = PrintSensor(name, [&](const LatencyLight& light) {
+      return RunLatency(sensor, light, seeds.count, seed, seeds.threads);
+    });
+    largest_us = std::max(largest_us, spread_us);
+  }
+  for (const SecondLatencySensor& sensor : SecondLatencySensors()) {
+    if (sensor.name.find(seeds.only) == std::string::npos) continue;
+    const double spread_us = PrintSensor(sensor.name, [&](const LatencyLight& light) {
+      return RunSecondLatency(sensor, light, seeds.count, seed, seeds.threads);
+    });
     largest_us = std::max(largest_us, spread_us);
   }
   fmt::print("most apart before one sensor: {:.0f} us (at most 100)\n", largest_us);

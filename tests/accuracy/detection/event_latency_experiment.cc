@@ -6,8 +6,11 @@
 #include <limits>
 #include <numbers>
 
+#include "agent/detect/event/blink_wand_detector.h"
 #include "common/simulation/frames/light_model.h"
+#include "common/simulation/world/random_stream.h"
 #include "tests/accuracy/detection/paper_rig.h"
+#include "tests/accuracy/seed_runs.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -19,6 +22,59 @@ double LuxFor(const FrameRenderOptions& scene, double contrast) {
   const Bgr colour = HueColour(scene.led_hue_deg, scene.led_saturation);
   const double led_cd_m2 = scene.led_cd_m2 * (colour[0] + colour[1] + colour[2]) / 3;
   return led_cd_m2 * std::numbers::pi / (kShellReflectance * contrast);
+}
+
+bool AreWhole(const std::vector<MarkerGroundTruth>& discs, const ImageSize& size) {
+  constexpr double kBesidePx = 3;
+  return std::all_of(discs.begin(), discs.end(), [&size](const MarkerGroundTruth& disc) {
+    const double room_px = disc.radius_px + kBesidePx;
+    const Eigen::Vector2d& at = disc.centre_px;
+    return at.x() > room_px && at.x() < size.width - room_px && at.y() > room_px &&
+           at.y() < size.height - room_px;
+  });
+}
+
+LatencyPoint PointOf(const LatencyLight& light, const std::vector<EventStreamResult>& results) {
+  LatencyPoint point{.light = light};
+  double along = 0, speed_squares = 0, squares = 0, scatter = 0;
+  const auto for_each = [&results](auto visit) {
+    for (const EventStreamResult& result : results) {
+      for (const EventCentre& centre : result.wands.centres) visit(centre);
+    }
+  };
+  for (const EventStreamResult& result : results) {
+    point.shown += result.wands.shown;
+    point.found += result.wands.found;
+    point.false_wands += result.wands.false_wands;
+  }
+  for_each([&](const EventCentre& centre) {
+    ++point.centres;
+    along -= centre.error_px.dot(centre.velocity_px_s);
+    speed_squares += centre.velocity_px_s.squaredNorm();
+    squares += centre.error_px.squaredNorm();
+  });
+  if (point.centres == 0) return point;
+  const double latency_s = along / speed_squares;
+  for_each([&](const EventCentre& centre) {
+    const double left =
+        (centre.error_px + latency_s * centre.velocity_px_s).dot(centre.velocity_px_s);
+    scatter += left * left;
+  });
+  point.latency_us = 1e6 * latency_s;
+  point.sigma_us = 1e6 * std::sqrt(scatter) / speed_squares;
+  point.rms_px = std::sqrt(squares / (2 * point.centres));
+  return point;
+}
+
+EventDetectionOptions SmallEventDetection() {
+  EventDetectionOptions options = PaperEventDetection();
+  options.camera = PaperCamera({640, 480}, 240);
+  options.camera.sensor = SensorKind::kEvent;
+  options.pose.min_distance_m = 1.2;
+  options.pose.max_distance_m = 2.5;
+  options.pose.speed_m_s = 2;
+  options.min_speed_share = 0.35;
+  return options;
 }
 
 }  // namespace
@@ -57,55 +113,99 @@ std::vector<LatencySensor> LatencySensors() {
 
 LatencyPoint RunLatency(const LatencySensor& sensor, const LatencyLight& light, int streams,
                         uint32_t seed, int threads) {
-  EventDetectionOptions options = PaperEventDetection();
-  options.camera = PaperCamera({640, 480}, 240);
-  options.camera.sensor = SensorKind::kEvent;
+  EventDetectionOptions options = SmallEventDetection();
   options.filter.geometry = {640, 480};
   options.filter.blink_hz = options.target.blink_hz = {sensor.blink_hz};
   options.sensor = sensor.sensor;
   options.scene.clutter = 0;
   options.scene.blink_duty = light.duty;
   options.scene.lux = LuxFor(options.scene, light.contrast);
-  options.pose.min_distance_m = 1.2;
-  options.pose.max_distance_m = 2.5;
-  options.pose.speed_m_s = 2;
-  options.min_speed_share = 0.35;
   options.output_hz = sensor.output_hz;
   options.warm_up_s = 0.05;
   options.outputs = static_cast<int>(0.15 * sensor.output_hz);
   options.streams = streams;
   options.seed = seed;
   options.threads = threads;
-  LatencyPoint point{.light = light};
-  double along = 0, speed_squares = 0, squares = 0, scatter = 0;
-  const auto results = RunEventDetection(options);
-  const auto for_each = [&results](auto visit) {
-    for (const EventStreamResult& result : results) {
-      for (const EventCentre& centre : result.wands.centres) visit(centre);
+  return PointOf(light, RunEventDetection(options));
+}
+
+std::vector<SecondLatencySensor> SecondLatencySensors() {
+  SecondPixelOptions fast, slow, uneven;
+  slow.cutoff_hz = 1200;
+  slow.follows_light = true;
+  uneven.on_threshold = 0.18;
+  uneven.off_threshold = 0.3;
+  uneven.refractory_us = 200;
+  return {{"second order, 3 kHz", fast},
+          {"second order, 1.2 kHz, with the light", slow},
+          {"second order, thresholds differ", uneven}};
+}
+
+LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLight& light,
+                              int streams, uint32_t seed, int threads) {
+  const EventDetectionOptions options = SmallEventDetection();
+  constexpr double kWarmUpS = 0.05, kDurationS = 0.2;
+  const auto run = [&](int stream) {
+    EventStreamResult result;
+    const uint64_t own = static_cast<uint64_t>(seed) * 100000 + static_cast<uint64_t>(stream);
+    RandomStream draw{own, 0x2ec0d};
+    RandomWandPoseOptions pose = options.pose;
+    pose.speed_m_s *= draw.Uniform(options.min_speed_share, 1);
+    const auto wand = RandomWandPose(*options.camera.intrinsics, options.camera.image_size_px,
+                                     options.target, pose, own);
+    if (!wand) return result;
+    const DiscPath discs = [&](double time_s) {
+      std::vector<MarkerGroundTruth> truth;
+      const Eigen::Vector3d shift = (time_s - 0.5 * kDurationS) * wand->velocity_m_s;
+      for (const double position_m : options.target.marker_positions_m) {
+        truth.push_back(TruthOf(*options.camera.intrinsics, options.camera.image_size_px,
+                                wand->At(position_m) + shift, SphereRadiusM(options.target)));
+      }
+      return truth;
+    };
+    SecondPixelOptions pixels = sensor.sensor;
+    pixels.duty = light.duty;
+    pixels.contrast = light.contrast;
+    pixels.phase = draw.Uniform();
+    pixels.seed = static_cast<uint32_t>(own);
+    agent::BlinkWandDetectorOptions wand_options;
+    wand_options.output.rate_hz = 200;
+    auto detector = agent::BlinkWandDetector::Create(wand_options, options.target, options.camera,
+                                                     agent::EventFormat::kEvt3, false);
+    result.status = detector.status();
+    if (!detector.ok()) return result;
+    std::vector<uint8_t> bytes;
+    agent::Evt3Writer().Write(
+        RenderSecondPixels(pixels, options.camera.image_size_px, discs, kDurationS), &bytes);
+    std::vector<agent::Detection> found;
+    detector->Take(bytes, &found);
+    detector->Finish(&found);
+    for (const agent::Detection& detection : found) {
+      const Observation& seen = detection.observation;
+      const double time_s = 1e-9 * static_cast<double>(seen.time_ns);
+      if (time_s < kWarmUpS || !AreWhole(discs(time_s), options.camera.image_size_px)) continue;
+      ++result.wands.shown;
+      double worst_px = 0;
+      std::vector<EventCentre> centres;
+      for (size_t k = 0; k < seen.markers.size(); ++k) {
+        if (!seen.markers[k].visible) continue;
+        const double at_s =
+            1e-9 * static_cast<double>(seen.time_ns + seen.markers[k].time_delta_ns);
+        const Eigen::Vector2d there_px = discs(at_s)[k].centre_px;
+        EventCentre& centre = centres.emplace_back();
+        centre.error_px = seen.markers[k].centre_px - there_px;
+        centre.velocity_px_s = 1e3 * (discs(at_s + 1e-3)[k].centre_px - there_px);
+        worst_px = std::max(worst_px, centre.error_px.norm());
+      }
+      constexpr double kFarPx = 3;
+      result.wands.false_wands += worst_px >= kFarPx ? 1 : 0;
+      if (centres.size() < seen.markers.size() || worst_px >= kFarPx) continue;
+      ++result.wands.found;
+      result.wands.centres.insert(result.wands.centres.end(), centres.begin(), centres.end());
     }
+    return result;
   };
-  for (const EventStreamResult& result : results) {
-    point.shown += result.wands.shown;
-    point.found += result.wands.found;
-    point.false_wands += result.wands.false_wands;
-  }
-  for_each([&](const EventCentre& centre) {
-    ++point.centres;
-    along -= centre.error_px.dot(centre.velocity_px_s);
-    speed_squares += centre.velocity_px_s.squaredNorm();
-    squares += centre.error_px.squaredNorm();
-  });
-  if (point.centres == 0) return point;
-  const double latency_s = along / speed_squares;
-  for_each([&](const EventCentre& centre) {
-    const double left =
-        (centre.error_px + latency_s * centre.velocity_px_s).dot(centre.velocity_px_s);
-    scatter += left * left;
-  });
-  point.latency_us = 1e6 * latency_s;
-  point.sigma_us = 1e6 * std::sqrt(scatter) / speed_squares;
-  point.rms_px = std::sqrt(squares / (2 * point.centres));
-  return point;
+  return PointOf(light, RunAll<EventStreamResult>(streams, threads, run));
 }
 
 double LatencySpreadUs(const std::vector<LatencyPoint>& points) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tests/accuracy/detection/event_detection_experiment.h"
+#include "tests/accuracy/detection/second_pixels.h"
 
 namespace rigcal::accuracy {
 
@@ -41,6 +42,15 @@ std::vector<LatencySensor> LatencySensors();
 // with 0.7 to 2 m/s.
 LatencyPoint RunLatency(const LatencySensor& sensor, const LatencyLight& light, int streams,
                         uint32_t seed, int threads);
+
+// Before pixels by other formulas (SecondPixelOptions), likewise.
+struct SecondLatencySensor {
+  std::string name;
+  SecondPixelOptions sensor;
+};
+std::vector<SecondLatencySensor> SecondLatencySensors();
+LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLight& light,
+                              int streams, uint32_t seed, int threads);
 
 // Between the largest and the smallest latency.
 double LatencySpreadUs(const std::vector<LatencyPoint>& points);

@@ -179,7 +179,8 @@ BlinkWand BlinkWandVerifier::Choose() {
     if (SameBlobs(best.candidate->blobs, other.candidate->blobs)) {
       const double certainty = 1 / (1 + std::exp(0.5 * (best.fit.cost - other.fit.cost)));
       label_confidence = std::min(label_confidence, std::max(0.5, certainty));
-    } else if (other.fit.cost < best.fit.cost + kMargin) {
+    } else if (other.fit.cost < best.fit.cost + kMargin &&
+               !DifferInCutOnly(best.candidate->blobs, other.candidate->blobs)) {
       wand.outcome = DetectionOutcome::kAmbiguous;
       return wand;
     }
@@ -209,6 +210,14 @@ BlinkWand BlinkWandVerifier::Choose() {
     wand.blobs.clear();
   }
   return wand;
+}
+
+// A sphere that the border cuts may be in pieces.
+bool BlinkWandVerifier::DifferInCutOnly(absl::Span<const int> a, absl::Span<const int> b) const {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [this](int one, int other) {
+    return one == other || (blobs_[static_cast<size_t>(one)].touches_border &&
+                            blobs_[static_cast<size_t>(other)].touches_border);
+  });
 }
 
 bool BlinkWandVerifier::IsBesideAnother(absl::Span<const int> wand) {

@@ -78,6 +78,7 @@ class BlinkWandVerifier {
   BlinkWand Follow() const;
   // From the only two whole blobs, of a wand that comes into the image; kNoWand if it is not one.
   BlinkWand Enter() const;
+  bool DifferInCutOnly(absl::Span<const int> a, absl::Span<const int> b) const;
   bool IsBesideAnother(absl::Span<const int> wand);
   // Blobs that are large enough to be another wand's markers.
   int OthersThan(absl::Span<const int> wand) const;

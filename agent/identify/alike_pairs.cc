@@ -17,6 +17,8 @@ constexpr double kPairBrightness = 0.3, kPairColour = 0.12, kMaxPairCost = 12;
 constexpr double kSmallerPx = 0.5;   // than by radii: the mask leaves out the rim
 constexpr size_t kMostSticks = 150;  // pairs
 constexpr double kStickGain = 3;
+// Of pairs that are as much alike the larger first: small things are many. Per e-fold of the size.
+constexpr double kSmaller = 0.5;
 
 }  // namespace
 
@@ -37,11 +39,13 @@ std::vector<AlikePair> AlikePairs(const ImageView& image, absl::Span<const Whole
           Squared(static_cast<double>(std::log(ga / gb)) / kPairBrightness) +
           static_cast<double>((a.core / ga - b.core / gb).squaredNorm()) / Squared(kPairColour) +
           a.doubt + b.doubt;
-      if (cost <= kMaxPairCost) pairs.push_back({cost, i, j});
+      if (cost > kMaxPairCost) continue;
+      pairs.push_back(
+          {.cost = cost, .rank = cost - kSmaller * std::log(ri * rj), .first = i, .last = j});
     }
   }
   std::sort(pairs.begin(), pairs.end(), [](const AlikePair& a, const AlikePair& b) {
-    return std::tie(a.cost, a.first, a.last) < std::tie(b.cost, b.first, b.last);
+    return std::tie(a.rank, a.first, a.last) < std::tie(b.rank, b.first, b.last);
   });
   if (pairs.size() > kMostSticks) pairs.resize(kMostSticks);
   for (AlikePair& pair : pairs) {
@@ -51,11 +55,13 @@ std::vector<AlikePair> AlikePairs(const ImageView& image, absl::Span<const Whole
     pair.has_stick =
         StickBetween(image, a.centre_px, ra, b.centre_px, rb, 0.5 * (ra + rb)).value_or(0) >=
         kStickSeen;
-    if (pair.has_stick) pair.cost = std::max(0.0, pair.cost - kStickGain);
+    if (!pair.has_stick) continue;
+    pair.rank -= kStickGain;
+    pair.cost = std::max(0.0, pair.cost - kStickGain);
   }
   std::sort(pairs.begin(), pairs.end(), [](const AlikePair& a, const AlikePair& b) {
     if (a.has_stick != b.has_stick) return a.has_stick;
-    return std::tie(a.cost, a.first, a.last) < std::tie(b.cost, b.first, b.last);
+    return std::tie(a.rank, a.first, a.last) < std::tie(b.rank, b.first, b.last);
   });
   if (pairs.size() > kMaxAlikePairs) pairs.resize(kMaxAlikePairs);
   return pairs;

@@ -22,14 +22,14 @@ double RadiusOf(const Blob& blob);
 
 // Two whole markers.
 struct AlikePair {
-  double cost;
+  double cost, rank;       // the pairs' order: the least first
   size_t first, last;      // of those given
   bool has_stick = false;  // is seen between them
 };
 
 // Those that are alike in brightness, colour and size and not further apart than `longest_radii` of
-// their radii: first those between which a stick is seen, then the most alike. `work`: pixels that
-// may be read, less those that were.
+// their radii: first those between which a stick is seen, then the most alike and largest. `work`:
+// pixels that may be read, less those that were.
 std::vector<AlikePair> AlikePairs(const ImageView& image, absl::Span<const WholeMarker> wholes,
                                   double longest_radii, double* work);
 

@@ -52,7 +52,7 @@ constexpr double kMostlyItsColour = 0.2;  // of the pixels
 constexpr double kLittleMs = 1.8;
 constexpr double kAnotherLevelMs = 2;  // less: a hidden marker is looked for in another level
 constexpr double kWholeGain = 5;       // in cost, against the same with a hidden marker
-constexpr double kNoFurtherMs = 3.8;   // by the times above: no other level is begun
+constexpr double kNoFurtherMs = 3.1;   // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;

@@ -15,6 +15,7 @@ constexpr float kStrange = 0.3f;     // of the contrast: away from all mixtures 
 constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
 constexpr double kWideCore = 0.85;   // of it: where saturation is looked for
 constexpr double kMinContrast = 20;  // grey levels
+constexpr double kUsualStep = 1.2;   // root mean square of usual steps over their mean
 constexpr float kSaturated = 252;
 constexpr double kMostSaturated = 0.04;
 // Without its saturated channels a marker must keep this share of its contrast.
@@ -112,11 +113,11 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
   centre->contrast_grey = contrast / static_cast<double>(arcs.size());
   double steps = 0;
   for (size_t k = 0; k < arcs.size(); ++k) {
-    steps += static_cast<double>(
-        (arcs[k].background - arcs[(k + 1) % arcs.size()].background).squaredNorm());
+    steps +=
+        static_cast<double>((arcs[k].background - arcs[(k + 1) % arcs.size()].background).norm());
   }
   centre->background_steps =
-      std::sqrt(steps / static_cast<double>(arcs.size())) / std::max(1.0, centre->contrast_grey);
+      kUsualStep * steps / static_cast<double>(arcs.size()) / std::max(1.0, centre->contrast_grey);
   if (!(centre->contrast_grey > kMinContrast)) return false;
   const auto least = static_cast<float>(0.3 * centre->contrast_grey);
   const auto strange = static_cast<float>(kStrange * centre->contrast_grey);

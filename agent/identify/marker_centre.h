@@ -34,7 +34,8 @@ struct MarkerCentre {
   Eigen::Vector3d plateau_grey = Eigen::Vector3d::Zero();  // in its middle, by channel
   double contrast_grey = 0;  // of the plateau against the background, over all channels
   double noise_grey = 0;     // one sigma of one pixel and channel
-  // Root mean square of the background's steps from arc to arc, over the contrast.
+  // The background's steps from arc to arc, one sigma over the contrast. A few large ones, such as
+  // window frames, count little: the fit does not follow them.
   double background_steps = 0;
   double alike = 0;  // share of what is just outside of it that looks like it, 0 to 1
   // Channels of which more than a few pixels of the marker are saturated.

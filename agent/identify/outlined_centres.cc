@@ -26,7 +26,7 @@ constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;
 // A sphere that is smaller than the others say and whose edge is that much less on its outline is
 // partly hidden.
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
-constexpr double kBackgroundPx = 0.2;  // of the edge, per step of the background over the contrast
+constexpr double kBackgroundPx = 0.3;  // of the edge, per step of the background over the contrast
 constexpr double kNeighbourPx = 0.1;   // of the edge, where something else is near
 constexpr double kHiddenPx = 0.1, kHiddenRatio = 6, kSuspectRatio = 3;
 constexpr double kShortPx = 0.2;  // against what diameter and distance say

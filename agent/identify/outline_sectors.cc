@@ -12,9 +12,10 @@ constexpr double kFittedShare = 11.0 / 16;  // place, radius and shape take five
 constexpr double kLeastNoise = 0.3;
 constexpr double kPixelSectors = 32;  // that the scatter of an outline's pixels counts as
 constexpr double kPriorSectors = 8;
-// A stick that the spheres light makes them longer by some hundredths of a pixel, on the outer ones
-// on one side only: a bias that scales the rig. What is left of the edge tells the place as well.
-constexpr double kStickPx = 100;
+// A stick that the spheres light makes them longer by some hundredths of a pixel, the outer ones on
+// one side only: a bias, which scales the rig, so it hardly counts. Where most of the edge is
+// hidden it is better than nothing.
+constexpr double kStickPx = 0.2;
 constexpr double kMostUsual = 5;  // of the usual variance, that a sector counts with
 constexpr double kTooFar = 4;
 // What disturbs a sector disturbs its neighbours too; so much more it moves the place.

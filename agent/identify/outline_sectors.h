@@ -25,7 +25,7 @@ using SectorVariances = std::array<double, kOutlineParts>;
 std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> outlines);
 
 // Variances beyond the noise, px^2: those of `scatter`, more of sectors that are further away than
-// it explains, and of those whose background is saturated; the stick's sides tell nothing.
+// it explains, and of those whose background is saturated; the stick's sides hardly count.
 SectorVariances ExtraVariances(const OutlinePixels& pixels, const SphereOutline& outline,
                                const EdgeScatter& scatter);
 

@@ -13,9 +13,9 @@ constexpr double kLeastNoise = 0.3;
 constexpr double kPixelSectors = 32;  // that the scatter of an outline's pixels counts as
 constexpr double kPriorSectors = 8;
 // A stick that the spheres light makes them longer by some hundredths of a pixel, the outer ones on
-// one side only: a bias, which scales the rig, so it hardly counts. Where most of the edge is
-// hidden it is better than nothing.
-constexpr double kStickPx = 0.2;
+// one side only: a bias, which scales the rig, so it does not count. Of an arc, which has little
+// else, it is better than nothing.
+constexpr double kStickPx = 100, kStickOfArcPx = 0.2;
 constexpr double kMostUsual = 5;  // of the usual variance, that a sector counts with
 constexpr double kTooFar = 4;
 // What disturbs a sector disturbs its neighbours too; so much more it moves the place.
@@ -92,11 +92,11 @@ std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> o
 }
 
 SectorVariances ExtraVariances(const OutlinePixels& pixels, const SphereOutline& outline,
-                               const EdgeScatter& scatter) {
+                               const EdgeScatter& scatter, bool is_arc) {
   SectorVariances extra;
   extra.fill(kShared * scatter.extra_px2);
   for (size_t s = kOutlineSectors; s < kOutlineParts; ++s) {
-    extra[s] = kStickPx * kStickPx;
+    extra[s] = is_arc ? kStickOfArcPx * kStickOfArcPx : kStickPx * kStickPx;
   }
   std::array<double, kOutlineParts> saturated{}, count{};
   for (size_t i = 0; i < pixels.size(); ++i) {

@@ -25,9 +25,10 @@ using SectorVariances = std::array<double, kOutlineParts>;
 std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> outlines);
 
 // Variances beyond the noise, px^2: those of `scatter`, more of sectors that are further away than
-// it explains, and of those whose background is saturated; the stick's sides hardly count.
+// it explains, and of those whose background is saturated; the stick's sides do not count but for
+// an arc.
 SectorVariances ExtraVariances(const OutlinePixels& pixels, const SphereOutline& outline,
-                               const EdgeScatter& scatter);
+                               const EdgeScatter& scatter, bool is_arc = false);
 
 // `pixels` with precisions that make each sector as precise as its variances say, over the noise.
 void Discount(const OutlinePixels& pixels, const SphereOutline& outline,

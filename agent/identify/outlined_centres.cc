@@ -311,7 +311,7 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
       const bool is_odd = std::abs(odd_px) > 2 * expected.radius_sigma_px;
       const bool is_arc = centre.cut || !arcs[k].is_all();
       for (int round = 0; round < (is_odd || is_arc ? 2 : 1); ++round) {
-        const SectorVariances extra = ExtraVariances(pixels_of(k), outline, scatter);
+        const SectorVariances extra = ExtraVariances(pixels_of(k), outline, scatter, is_arc);
         if (!is_odd && !is_arc && !(*std::max_element(extra.begin(), extra.end()) > 0)) break;
         Discount(pixels_of(k), outline, extra, scatter.noise, &discounted);
         SphereOutline again = outline;

@@ -101,8 +101,8 @@ TEST(SetOutlinedCentres, WhatIsBesideASphereWidensItsCovariance) {
             4 * alone.wand_.centres[0].covariance_px2.trace());
 }
 
-// Lit by the spheres, dark or of the background's colour: a stick tells next to nothing.
-TEST(OutlineSectors, TheSticksSidesCountLittle) {
+// Lit by the spheres, dark or of the background's colour: a stick tells nothing, but of an arc.
+TEST(OutlineSectors, TheSticksSidesAreLeftOutButOfAnArc) {
   SphereOutline outline{.radius_px = kRadius};
   outline.sector_information.fill(400);
   const OutlinePixels pixels = Disc({0, 0}, -100, 1);
@@ -110,8 +110,12 @@ TEST(OutlineSectors, TheSticksSidesCountLittle) {
       ExtraVariances(pixels, outline, ScatterOfEdges({&outline, nullptr})[0]);
   // By noise alone a sector has 0.0025 px^2.
   EXPECT_LT(extra[0], 0.0025);
-  EXPECT_GT(extra[kOutlineSectors], 0.03);
-  EXPECT_GT(extra[kOutlineSectors + 1], 0.03);
+  EXPECT_GT(extra[kOutlineSectors], 1000);
+  EXPECT_GT(extra[kOutlineSectors + 1], 1000);
+  const SectorVariances of_arc =
+      ExtraVariances(pixels, outline, ScatterOfEdges({&outline, nullptr})[0], true);
+  EXPECT_GT(of_arc[kOutlineSectors], 0.03);
+  EXPECT_LT(of_arc[kOutlineSectors], 1);
 }
 
 TEST(OutlineSectors, FewSectorsDoNotMakeTheNoiseLess) {

@@ -286,6 +286,7 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
     return arcs[k].is_all() ? *markers[k].pixels : arcs[k].pixels;
   };
   const std::vector<EdgeScatter> scatters = ScatterOf(outlines);
+  const FittedOutlines arced = outlines;
   OutlinePixels discounted;
   for (size_t k = 0; k < markers.size(); ++k) {
     if (!wand->whole[k]) continue;
@@ -333,6 +334,11 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
                                              centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
       centre.covariance_px2 = scatter.noise / outline.follows * outline.covariance_px2 +
                               kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
+    }
+    // What is not on an ellipse may be hidden in part, or more than was left out.
+    if (outlines[k]) {
+      const double usual = centre.cut || !arcs[k].is_all() ? 1 : kSuspectRatio;
+      centre.covariance_px2 *= std::max(1.0, EdgeRatio(arced, k) / usual);
     }
     // A radius or a shape that is a little wrong moves the middle of an arc.
     if (outlines[k] && (centre.cut || !arcs[k].is_all())) {

@@ -171,6 +171,27 @@ void LeaveOut(const OutlinePixels& pixels, const SphereOutline& outline, const S
   }
 }
 
+// What hides a sphere is blurred, too: next to a gap a little is hidden.
+Sectors WithNeighbours(const Sectors& hidden) {
+  Sectors wider = hidden;
+  for (size_t s = 0; s < kOutlineSectors; ++s) {
+    if (!hidden[s]) continue;
+    wider[(s + 1) % kOutlineSectors] = true;
+    wider[(s + kOutlineSectors - 1) % kOutlineSectors] = true;
+  }
+  return wider;
+}
+
+void CountKnown(const SectorEdges& edges, VisibleArc* arc) {
+  arc->known_count = 0;
+  arc->missing.setZero();
+  for (size_t s = 0; s < kOutlineSectors; ++s) {
+    const bool is_known = edges.weight[s] > 0 && !arc->hidden[s];
+    arc->known_count += is_known ? 1 : 0;
+    if (!is_known) arc->missing += SectorRows()[s].head<2>() / kOutlineSectors;
+  }
+}
+
 }  // namespace
 
 VisibleArc FindVisibleArc(const OutlinePixels& pixels, const Eigen::Matrix2d& second_moment_px2,
@@ -193,16 +214,10 @@ VisibleArc FindVisibleArc(const OutlinePixels& pixels, const Eigen::Matrix2d& se
           arc.hidden[s] &&
           !(edges.away_px[s] * std::sqrt(edges.weight[s]) > -kStillInside && edges.weight[s] > 0);
     }
-    arc.known_count = 0;
-    arc.missing.setZero();
-    for (size_t s = 0; s < kOutlineSectors; ++s) {
-      const bool is_known = edges.weight[s] > 0 && !hidden[s];
-      arc.known_count += is_known ? 1 : 0;
-      if (!is_known) arc.missing += SectorRows()[s].head<2>() / kOutlineSectors;
-    }
     arc.stays = hidden == arc.hidden && !(expected.is_cut && round == 0);
-    if (arc.stays) break;
     arc.hidden = hidden;
+    CountKnown(edges, &arc);
+    if (arc.stays) break;
     LeaveOut(pixels, now, hidden, &arc.pixels);
     SphereOutline again = now;
     if (!fitter->Fit(arc.pixels, second_moment_px2, light, &again, shape)) {
@@ -214,6 +229,13 @@ VisibleArc FindVisibleArc(const OutlinePixels& pixels, const Eigen::Matrix2d& se
   }
   arc.hidden_count = static_cast<int>(std::count(arc.hidden.begin(), arc.hidden.end(), true));
   if ((arc.is_all() && !expected.is_cut) || arc.failed) return arc;
+  if (!arc.is_all()) {
+    arc.hidden = WithNeighbours(arc.hidden);
+    CountKnown(EdgesOf(pixels, now, expected, &rows), &arc);
+    LeaveOut(pixels, now, arc.hidden, &arc.pixels);
+    SphereOutline again = now;
+    if (fitter->Fit(arc.pixels, second_moment_px2, light, &again, shape)) now = again;
+  }
   LeaveOut(pixels, now, arc.hidden, &arc.pixels);
   fitter->MeasureEdge(arc.pixels, &now);
   arc.moved_px = (now.centre_px - outline->centre_px).norm();

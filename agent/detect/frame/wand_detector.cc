@@ -31,6 +31,7 @@ constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may b
 constexpr double kWorkOfPartial = 4000, kShareOfPartial = 1.0 / 3;  // their verification
 constexpr double kWorkOfParts = 7000;                               // of both, what others leave
 constexpr double kPartialConfidence = 0.65;
+constexpr double kTriedOdds = 0.7, kFewPlaces = 150;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
 constexpr int kMaxFits = 500;  // of wands to spots, 2.5 us each
@@ -322,7 +323,9 @@ Verdict WandDetector::SearchPartial(const ImageView& image, double kept_work) {
     if (is_rival || (is_short && !is_sure)) verdict.wand.reset();
   }
   // Two things and a part of a third are found by chance among many.
-  if (verdict.wand && ((!few && verdict.wand->confidence < kPartialConfidence) ||
+  const double odds = kPartialConfidence / (1 - kPartialConfidence) *
+                      std::pow(1 + found.tried / kFewPlaces, kTriedOdds);
+  if (verdict.wand && ((!few && verdict.wand->confidence < odds / (1 + odds)) ||
                        verdict.wand->label_confidence < kPartialConfidence)) {
     verdict.wand.reset();
   }

@@ -29,9 +29,9 @@ constexpr double kHandSpeed = 0.6;
 constexpr size_t kMaxPartial = 12, kFewThings = 12;
 constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may be
 constexpr double kWorkOfPartial = 4000, kShareOfPartial = 1.0 / 3;  // their verification
-constexpr double kWorkOfParts = 7000;                               // of both, what others leave
+constexpr double kWorkOfParts = 4500;                               // of both, what others leave
 constexpr double kPartialConfidence = 0.65;
-constexpr double kTriedOdds = 0.7, kFewPlaces = 150;
+constexpr double kTriedOdds = 0.5, kFewPlaces = 150;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
 constexpr int kMaxFits = 500;  // of wands to spots, 2.5 us each

@@ -84,7 +84,7 @@ TEST(SetOutlinedCentres, ASphereThatIsPartlyHiddenIsTakenFromItsArc) {
   const MarkerCentre &arc = hidden.wand_.centres[2], &whole = seen.wand_.centres[2];
   const Eigen::Vector2d error_px = arc.centre_px - centre;
   // The side that is missing is where a stick may be: what is seen there tells nothing of the edge.
-  EXPECT_LT(error_px.norm(), 0.25);
+  EXPECT_LT(error_px.norm(), 0.2);
   EXPECT_LT(error_px.dot(arc.covariance_px2.inverse() * error_px), 9);
   // Along the wand, where a side is missing, less is known.
   EXPECT_GT(arc.covariance_px2(0, 0), 4 * whole.covariance_px2(0, 0));

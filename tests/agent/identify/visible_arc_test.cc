@@ -77,6 +77,8 @@ TEST(FindVisibleArc, FindsTheCentreOfASphereOfWhichAFifthIsHidden) {
   EXPECT_GT((hidden.before_px - kCentre).norm(), 0.5);
   EXPECT_GE(hidden.arc.hidden_count, 3);
   EXPECT_GE(hidden.arc.known_count, 8);
+  // Its neighbours are left out, too.
+  EXPECT_GE(std::ranges::count(hidden.arc.hidden, true), hidden.arc.hidden_count + 2);
   EXPECT_LT((hidden.outline.centre_px - kCentre).norm(), 0.15);
   EXPECT_NEAR(hidden.outline.radius_px, kRadius, 0.15);
   EXPECT_GT(hidden.arc.missing.x(), 0.1);

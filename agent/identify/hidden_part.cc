@@ -27,7 +27,6 @@ constexpr double kLeastCover = 0.2, kCoverSigmas = 4, kBusyCover = 0.1;
 constexpr double kCoverColour = 0.3;  // of the cover, across the way
 constexpr int kLeastSliverPixels = 3;
 constexpr double kLeastSliverPx = 1.5, kLeastSliverShare = 0.015, kSliverCost = 1.5;
-constexpr double kSliverPairCost = 4;  // of two markers that are worth the look
 
 void Count(int x, int y, ComponentSums* sums) {
   sums->area += 1;

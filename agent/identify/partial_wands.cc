@@ -21,7 +21,8 @@ constexpr double kPartSigma = 0.5;  // radii; the centre of a part is within the
 constexpr double kWholePlacePx = 0.3, kWholePlaceShare = 0.03;
 constexpr double kWholeRadiusPx = 0.35, kWholeRadiusShare = 0.08;
 constexpr double kMaxPartialCost = 14;
-constexpr double kLongest = 1.1;  // than by radii
+constexpr double kSliverPairCost = 4;  // of two markers that are worth the look
+constexpr double kLongest = 1.1;       // than by radii
 constexpr double kMaxSizeCost = 9;
 // Of the stick.
 constexpr double kNoStickCost = 4;

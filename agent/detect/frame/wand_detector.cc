@@ -51,9 +51,9 @@ constexpr double kWhiteRoom = 0.01;       // of the pixels: more than saturated 
 constexpr double kLeastLit = 0.02;        // of the pixels
 constexpr double kMostlyItsColour = 0.2;  // of the pixels
 constexpr double kLittleMs = 1.8;
-constexpr double kAnotherLevelMs = 2;  // less: a hidden marker is looked for in another level
-constexpr double kWholeGain = 5;       // in cost, against the same with a hidden marker
-constexpr double kNoFurtherMs = 3.1;   // by the times above: no other level is begun
+constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for in another level
+constexpr double kWholeGain = 5;         // in cost, against the same with a hidden marker
+constexpr double kNoFurtherMs = 3.1;     // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;

@@ -30,6 +30,7 @@ constexpr size_t kMaxPartial = 12, kFewThings = 12;
 constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may be
 constexpr double kWorkOfPartial = 4000, kShareOfPartial = 1.0 / 3;  // their verification
 constexpr double kWorkOfParts = 4500;                               // of both, what others leave
+constexpr double kWorkOfWhole = 3000;                               // that another look finds
 constexpr double kPartialConfidence = 0.65;
 constexpr double kTriedOdds = 0.5, kFewPlaces = 150;
 
@@ -330,7 +331,43 @@ Verdict WandDetector::SearchPartial(const ImageView& image, double kept_work) {
     verdict.wand.reset();
   }
   if (verdict.wand) verifier_.FitOutlines(image, &*verdict.wand);
+  if (verdict.wand) TryWhole(image, &*verdict.wand);
   return verdict;
+}
+
+// The marker of which only a part was looked for may be whole, but merged with what is beside it
+// or too much like it to be a spot. Where the pose says that it is, a whole one is tried.
+void WandDetector::TryWhole(const ImageView& image, VerifiedWand* wand) {
+  const auto hidden =
+      static_cast<size_t>(std::ranges::find(wand->whole, false) - wand->whole.begin());
+  if (hidden == wand->whole.size() || wand->px_per_m.size() != wand->whole.size()) return;
+  double radius_px = 0;
+  for (size_t k = 0; k < wand->whole.size(); ++k) {
+    if (!wand->whole[k]) continue;
+    radius_px = std::max(radius_px,
+                         wand->centres[k].radius_px * wand->px_per_m[hidden] / wand->px_per_m[k]);
+  }
+  const double share = wand_finder_.shares()[hidden];
+  Blob disc;
+  if (!wand_finder_.ImageOf((1 - share) * wand->fit.first_m + share * wand->fit.last_m,
+                            &disc.centre_px)) {
+    return;
+  }
+  disc.area_px = static_cast<int>(std::numbers::pi * radius_px * radius_px);
+  disc.second_moment_px2 = 0.25 * radius_px * radius_px * Eigen::Matrix2d::Identity();
+  WandCandidate whole{.blobs = wand->blobs, .fit = wand->fit};
+  whole.blobs[hidden] = static_cast<int>(standing_out_.size());
+  standing_out_.push_back(disc);
+  double work = std::min(work_left_, kWorkOfWhole);
+  work_left_ -= work;
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, {&whole, 1},
+                                     kMaxFits - fits_left_, IsLit(image), &work);
+  work_left_ += work;
+  if (!verdict.wand || verdict.wand->OccludedCount() > 0 || verdict.wand->cost > wand->cost) {
+    return;
+  }
+  *wand = *std::move(verdict.wand);
+  verifier_.FitOutlines(image, wand);
 }
 
 std::optional<VerifiedWand> WandDetector::SearchTracked(const ImageView& image, int64_t time_ns,

@@ -68,6 +68,7 @@ class WandDetector {
   Verdict VerifyFound(const ImageView& image, double most_work);
   Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
   Verdict SearchPartial(const ImageView& image, double kept_work);
+  void TryWhole(const ImageView& image, VerifiedWand* wand);
   Verdict SearchAll(const ImageView& image);
   Verdict SearchLevels(const ImageView& image, std::optional<VerifiedWand>* of_parts);
   std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,

@@ -10,7 +10,6 @@
 #include "absl/status/statusor.h"
 #include "agent/detect/blobs/static_background.h"
 #include "agent/identify/detection.h"
-#include "common/camera/intrinsics.h"
 
 namespace rigcal::agent {
 

@@ -313,7 +313,6 @@ void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitte
       const bool is_arc = centre.cut || !arcs[k].is_all();
       for (int round = 0; round < (is_odd || is_arc ? 2 : 1); ++round) {
         const SectorVariances extra = ExtraVariances(pixels_of(k), outline, scatter, is_arc);
-        if (!is_odd && !is_arc && !(*std::max_element(extra.begin(), extra.end()) > 0)) break;
         Discount(pixels_of(k), outline, extra, scatter.noise, &discounted);
         SphereOutline again = outline;
         if (!fitter->Fit(discounted, centre.second_moment_px2, light, &again, scaled)) break;

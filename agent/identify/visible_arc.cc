@@ -148,8 +148,9 @@ class GapSearch {
     // The shortest one that explains most of it: an ellipse through few sectors fits anything.
     size_t first = 0, count = 0;
     for (size_t length = 1; length <= kLongestGap && count == 0 && best > kGapGain; ++length) {
-      if (gaps[length].gain > std::max(kMostOfGain * best, best - kMostLeft))
+      if (gaps[length].gain > std::max(kMostOfGain * best, best - kMostLeft)) {
         first = gaps[length].first, count = length;
+      }
     }
     Sectors gap{};
     for (size_t i = 0; i < count; ++i) gap[(first + i) % kOutlineSectors] = true;

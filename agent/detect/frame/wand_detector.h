@@ -5,10 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "agent/detect/frame/spot_finder.h"
+#include "agent/detect/frame/wand_search.h"
 #include "agent/detect/frame/wand_track.h"
 #include "agent/identify/detection.h"
-#include "agent/identify/wand_verifier.h"
 
 namespace rigcal::agent {
 
@@ -42,9 +41,11 @@ class WandDetector {
                                              const Target& target, const CameraDescription& camera);
 
   // Pixels that never belong to a marker from now on (StaticMask), of the images' size.
-  void SetIgnored(const PixelMask& ignored) { spot_finder_.SetIgnored(ignored); }
+  void SetIgnored(const PixelMask& ignored) { search_.spot_finder().SetIgnored(ignored); }
   // Nor those of this background, while they look like it; null: none. It outlives the detector.
-  void SetBackground(StaticBackground* background) { spot_finder_.SetBackground(background); }
+  void SetBackground(StaticBackground* background) {
+    search_.spot_finder().SetBackground(background);
+  }
 
   // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
   // for around where it is expected; what is found there is what a search of the whole image
@@ -52,25 +53,12 @@ class WandDetector {
   absl::StatusOr<Detection> Detect(const ImageView& image, int64_t time_ns, uint32_t clock_epoch);
 
   // Window and blobs of the last Detect; valid until the next call.
-  PixelRect window() const { return window_; }
-  absl::Span<const Blob> blobs() const { return result().blobs; }
+  PixelRect window() const { return search_.window(); }
+  absl::Span<const Blob> blobs() const { return search_.result().blobs; }
 
  private:
   WandDetector(const WandDetectorOptions& options, const Target& target,
                const CameraDescription& camera, SpotFinder spot_finder);
-  const BlobResult& result() const { return spot_finder_.result(); }
-  double ShareOf(int64_t count_px) const;
-  bool IsCrowded() const;
-  bool IsLit(const ImageView& image);
-  double EstimatedMs() const;
-  double Unlikeness(const WandCandidate& candidate) const;
-  bool IsSure(const VerifiedWand& wand) const;
-  Verdict VerifyFound(const ImageView& image, double most_work);
-  Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
-  Verdict SearchPartial(const ImageView& image, double kept_work);
-  void TryWhole(const ImageView& image, VerifiedWand* wand);
-  Verdict SearchAll(const ImageView& image);
-  Verdict SearchLevels(const ImageView& image, std::optional<VerifiedWand>* of_parts);
   std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,
                                             uint32_t clock_epoch);
   MarkerObservation Observe(const VerifiedWand& wand, size_t marker) const;
@@ -80,23 +68,9 @@ class WandDetector {
   WandDetectorOptions options_;
   Target target_;
   CameraDescription camera_;
-  WandFinder wand_finder_;
-  WandVerifier verifier_;
+  WandSearch search_;
   double short_light_sigma_s_, light_sigma_s_;  // see WandDetectorOptions::exposure_s
   WandTrack track_;
-  PixelRect window_;
-  SpotFinder spot_finder_;
-  std::vector<Blob> standing_out_;      // the spots' blobs
-  std::vector<Eigen::Vector3f> cores_;  // their middles
-  std::vector<double> doubts_;          // and doubts
-  std::vector<WandCandidate> candidates_;
-  // Of this image: what its search may still cost, and whether anything was left out for that.
-  int fits_left_ = 0;
-  double work_left_ = 0;
-  bool cut_short_ = false;
-  bool has_rivals_ = false;  // the last Search measured two wands that are equally good
-  double passed_share_ = 0, white_share_ = 0;
-  std::optional<bool> is_lit_;  // more than a dark room's spots; none: not looked at yet
 };
 
 }  // namespace rigcal::agent

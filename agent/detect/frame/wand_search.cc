@@ -1,0 +1,348 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/frame/wand_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "agent/detect/frame/colour_share.h"
+#include "agent/detect/frame/image_exposure.h"
+#include "agent/identify/partial_wands.h"
+#include "agent/identify/whole_candidate.h"
+
+namespace rigcal::agent {
+namespace {
+
+// Of wands of which a marker is hidden.
+constexpr size_t kMaxPartial = 12, kFewThings = 12;
+constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may be
+constexpr double kWorkOfPartial = 4000, kShareOfPartial = 1.0 / 3;  // their verification
+constexpr double kWorkOfParts = 4500;                               // of both, what others leave
+constexpr double kWorkOfWhole = 3000;                               // that another look finds
+constexpr double kPartialConfidence = 0.65;
+constexpr double kTriedOdds = 0.5, kFewPlaces = 150;
+
+// What a search may cost; a wand in a room takes a twentieth of it.
+constexpr int kMaxFits = 500;  // of wands to spots, 2.5 us each
+constexpr int kFitsOfLevel = 300;
+constexpr int kMaxCandidates = 200;  // that are compared by their colour
+constexpr size_t kMaxMeasured = 30;  // of them
+constexpr double kMaxWork = 28000;   // of MarkerMeter::WorkOf, 110 ns each
+constexpr double kWorkOfLevel = 8000;
+// Of a level of a crowded picture: something is left for those that follow.
+constexpr int kFitsOfCrowded = 150;
+constexpr double kWorkOfCrowded = 5000;
+constexpr double kWorkOfNext = 4000;
+constexpr double kWorkOfOccluded = 12000;
+constexpr double kLikelyCost = 12, kWorkOfUnlikely = 2000;  // a wand rarely begins with more
+constexpr size_t kFirstCandidates = 2;
+constexpr double kWhiteRoom = 0.01;       // of the pixels: more than saturated spheres
+constexpr double kLeastLit = 0.02;        // of the pixels
+constexpr double kMostlyItsColour = 0.2;  // of the pixels
+constexpr double kLittleMs = 1.8;
+constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for in another level
+constexpr double kWholeGain = 5;         // in cost, against the same with a hidden marker
+constexpr double kNoFurtherMs = 3.1;     // by the times above: no other level is begun
+constexpr double kALittleWorse = 2;
+constexpr double kSureCost = 4;  // of a wand
+constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
+
+}  // namespace
+
+WandSearch::WandSearch(const WandLimits& limits, int washed_out_min, const Target& target,
+                       const CameraDescription& camera, SpotFinder spot_finder)
+    : washed_out_min_(washed_out_min),
+      image_size_px_(camera.image_size_px),
+      wand_finder_({.limits = limits, .max_candidates = kMaxCandidates}, target, camera),
+      verifier_(limits.min_confidence),
+      spot_finder_(std::move(spot_finder)) {}
+
+void WandSearch::StartImage() {
+  cut_short_ = false;
+  is_lit_.reset();
+  passed_share_ = white_share_ = 0;
+  spot_finder_.BeginImage();
+  verifier_.StartImage();
+  fits_left_ = kMaxFits;
+  work_left_ = kMaxWork;
+}
+
+double WandSearch::ShareOf(int64_t count_px) const {
+  return static_cast<double>(count_px) /
+         (static_cast<double>(image_size_px_.width) * static_cast<double>(image_size_px_.height));
+}
+
+// More passes than a wand and some things of its colour.
+bool WandSearch::IsCrowded() const {
+  return result().over_limit > 0 || result().cut_short ||
+         ShareOf(result().passed_px) > kCrowdedShare;
+}
+
+bool WandSearch::IsLit(const ImageView& image) {
+  if (!is_lit_) is_lit_ = LitShare(image) >= kLeastLit;
+  return *is_lit_;
+}
+
+// By what was done, so that it is the same on every computer.
+double WandSearch::EstimatedMs() const {
+  return spot_finder_.EstimatedMs() +
+         1e-6 * (2500.0 * (kMaxFits - fits_left_) + 110.0 * (kMaxWork - work_left_));
+}
+
+Verdict WandSearch::SearchAll(const ImageView& image) {
+  std::optional<VerifiedWand> of_parts;
+  Verdict verdict = SearchLevels(image, &of_parts);
+  const double gain = verdict.wand && verdict.wand->OccludedCount() == 0 ? kWholeGain : 0;
+  if (of_parts && (!verdict.wand || verdict.wand->cost > of_parts->cost + gain)) {
+    verdict = Verdict();
+    verdict.wand = std::move(of_parts);
+  }
+  return verdict;
+}
+
+// `of_parts`: a wand with a marker that is not seen whole, which may be whole in a later level.
+Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedWand>* of_parts) {
+  const BlobResult& look = spot_finder_.Look(image);
+  passed_share_ = static_cast<double>(look.passed_px) /
+                  std::max(1.0, static_cast<double>(look.row_count) * image.width);
+  if (passed_share_ > kWhiteRoom) {
+    white_share_ = WhiteShare(image, washed_out_min_);
+  }
+  const bool is_white = white_share_ > kWhiteRoom;
+  Verdict verdict;
+  // False: there is time for more.
+  const auto search = [&](size_t level) {
+    cut_short_ |= EstimatedMs() > kNoFurtherMs;
+    if (EstimatedMs() > kNoFurtherMs) return true;
+    verdict = Search(image, image.Bounds(), level);
+    if (verdict.wand && verdict.wand->OccludedCount() > 0 && level < SpotFinder::kPaleLevels[1] &&
+        EstimatedMs() < kAnotherLevelMs && IsLit(image)) {
+      if (!*of_parts || verdict.wand->cost < (*of_parts)->cost) *of_parts = verdict.wand;
+      verdict.wand.reset();
+    }
+    return verdict.wand.has_value() || has_rivals_;
+  };
+  for (const size_t level : SpotFinder::kWideLevels) {
+    if (is_white) break;
+    if (search(level) && !has_rivals_) return verdict;
+    // A window's slats look alike, but have no colour.
+    if (has_rivals_ || !IsCrowded()) break;
+    if (level == 0 && passed_share_ > kMostlyItsColour && IsLit(image)) {
+      if (search(SpotFinder::kWhitenedLevel) && !has_rivals_) return verdict;
+    }
+  }
+  // No light of a dark room whitens a sphere.
+  if (!is_white && !IsLit(image)) {
+    if (!has_rivals_ && passed_share_ > 0) search(SpotFinder::kClippedLevel);
+    return verdict;
+  }
+  for (const size_t level : SpotFinder::kPaleLevels) {
+    if (search(level)) return verdict;
+  }
+  // Where hardly anything has a colour the spheres may be white too.
+  if (is_white && EstimatedMs() < kLittleMs) search(SpotFinder::kWideLevels[0]);
+  return verdict;
+}
+
+// How unlike the middles of a candidate's markers are, as a chi-squared.
+double WandSearch::Unlikeness(const WandCandidate& candidate) const {
+  float mean = 0;
+  Eigen::Vector3f colour = Eigen::Vector3f::Zero();
+  const auto count = static_cast<float>(candidate.blobs.size());
+  const auto core_of = [this](int blob) {
+    return spot_finder_.spots()[static_cast<size_t>(blob)].core;
+  };
+  for (const int blob : candidate.blobs) {
+    const float brightness = core_of(blob).norm();
+    mean += std::log(brightness) / count;
+    colour += core_of(blob) / brightness;
+  }
+  colour.normalize();
+  double cost = 0;
+  for (const int blob : candidate.blobs) {
+    const float brightness = core_of(blob).norm();
+    const float away = (std::log(brightness) - mean) / kBrightnessSigma;
+    cost += static_cast<double>(away * away + (core_of(blob) / brightness - colour).squaredNorm() /
+                                                  (kColourSigma * kColourSigma));
+  }
+  return cost;
+}
+
+// What was left out is hardly as good.
+bool WandSearch::IsSure(const VerifiedWand& wand) const {
+  return wand.cost < kSureCost && spot_finder_.least_doubt_left() > wand.cost + kALittleWorse;
+}
+
+// The first candidates may take all the work that is left: they are hardly ever others than the
+// wand. With a wand found, so may what may be as good. What is not likely gets little.
+Verdict WandSearch::VerifyFound(const ImageView& image, double most_work) {
+  const absl::Span<const WandCandidate> all = candidates_;
+  const auto verify = [&](size_t count, double most) {
+    double work = std::min(work_left_, most);
+    work_left_ -= work;
+    Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, all.first(count),
+                                       kMaxFits - fits_left_, IsLit(image), &work);
+    work_left_ += work;
+    return verdict;
+  };
+  const size_t first = std::min(all.size(), kFirstCandidates);
+  Verdict verdict = verify(first, work_left_);
+  if (all.size() == first) return verdict;
+  const auto likely = static_cast<size_t>(std::ranges::count_if(
+      all, [](const WandCandidate& candidate) { return candidate.cost < kLikelyCost; }));
+  // A wand with a marker that is hidden may be looked for next.
+  const auto spared = [this] { return std::max(0.0, work_left_ - kWorkOfParts); };
+  if (!verdict.wand && likely > first) verdict = verify(likely, std::min(most_work, spared()));
+  if (!verdict.wand && likely == all.size()) return verdict;
+  if (!verdict.wand) return verify(all.size(), std::min(kWorkOfUnlikely, spared()));
+  return verify(all.size(), verdict.wand->OccludedCount() == 0 ? work_left_ : kWorkOfOccluded);
+}
+
+Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t level) {
+  window_ = part;
+  spot_finder_.Find(image, part, level);
+  cut_short_ |= !spot_finder_.has_all();
+  standing_out_.clear();
+  cores_.clear();
+  doubts_.clear();
+  for (const Spot& spot : spot_finder_.spots()) {
+    standing_out_.push_back(spot.blob);
+    cores_.push_back(spot.core);
+    doubts_.push_back(spot.doubt);
+  }
+  const bool more_follow =
+      part == image.Bounds() && level < SpotFinder::kPaleLevels[0] && IsCrowded();
+  wand_finder_.LimitFits(std::min(fits_left_, more_follow ? kFitsOfCrowded : kFitsOfLevel));
+  const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_, {}, cores_, doubts_);
+  fits_left_ -= wand_finder_.fits();
+  cut_short_ |= wand_finder_.cut_short() || result().cut_short;
+  // The most likely are measured first.
+  std::vector<std::pair<double, size_t>> order;
+  for (size_t i = 0; i < found.size(); ++i) {
+    if (!HasOtherHalves(spot_finder_.spots(), found[i].blobs)) continue;
+    order.emplace_back(found[i].cost + Unlikeness(found[i]), i);
+  }
+  std::sort(order.begin(), order.end());
+  candidates_.clear();
+  for (size_t i = 0; i < std::min(order.size(), kMaxMeasured); ++i) {
+    candidates_.push_back(found[order[i].second]);
+    candidates_.back().cost = order[i].first;
+  }
+  Verdict verdict = VerifyFound(image, more_follow ? kWorkOfCrowded : kWorkOfLevel);
+  has_rivals_ = verdict.ambiguous;
+  const bool all = verdict.measured == order.size();
+  cut_short_ |= verdict.left_out;
+  if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) {
+    // Whole wands are looked for in the next levels first: light of a room whitens the spheres.
+    if (more_follow || (level < SpotFinder::kPaleLevels[0] && IsLit(image))) return verdict;
+    return SearchPartial(image, level < SpotFinder::kPaleLevels[1] ? kWorkOfNext : 0);
+  }
+  if (!verdict.wand) return verdict;
+  if (all && !wand_finder_.cut_short()) {
+    verifier_.FitOutlines(image, &*verdict.wand);
+    return verdict;
+  }
+  // What was left out may be as good.
+  const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
+    return one.blobs == verdict.wand->blobs;
+  });
+  const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
+  const bool sure = IsSure(*verdict.wand);
+  const double worse = sure ? kALittleWorse : WandVerifier::kClearlyWorse;
+  const bool is_rival_left = wand_finder_.cut_short() && !sure &&
+                             wand_finder_.least_cost_left() < its_cost + kALittleWorse;
+  verdict.ambiguous = is_rival_left || (verdict.left_out && !all &&
+                                        order[verdict.measured].first < its_cost + worse);
+  if (!verdict.ambiguous) {
+    verifier_.FitOutlines(image, &*verdict.wand);
+    return verdict;
+  }
+  const bool is_whole = verdict.wand->OccludedCount() == 0;
+  verdict.wand.reset();
+  // Of two spheres and something else, another thing may be the third one's part.
+  if (is_whole || more_follow || part != image.Bounds()) return verdict;
+  return SearchPartial(image, kWorkOfNext);
+}
+
+// A wand of which one marker is mostly hidden. `kept_work` is for what follows.
+Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
+  std::vector<WholeMarker> wholes;
+  for (const Spot& spot : spot_finder_.spots()) {
+    if (!IsRound(spot.blob) || spot.blob.touches_border || spot.is_half) continue;
+    wholes.push_back({spot.blob, spot.core, spot.doubt});
+  }
+  kept_work = std::min(0.5 * work_left_, kept_work);
+  const double to_verify = std::min(kShareOfPartial * (work_left_ - kept_work), kWorkOfPartial);
+  kept_work += to_verify;
+  work_left_ -= kept_work;
+  double places = std::min(work_left_, kWorkOfPlaces);
+  work_left_ -= places;
+  const auto few_spots = static_cast<size_t>(
+      std::ranges::count_if(spot_finder_.spots(), [](const Spot& spot) { return !spot.is_half; }));
+  const bool few = few_spots <= kFewThings && result().blobs.size() <= kFewThings;
+  std::vector<Blob> parts;
+  if (few) {
+    for (const Spot& spot : spot_finder_.spots()) {
+      if (!spot.is_half) parts.push_back(spot.blob);
+    }
+    for (const Blob& blob : result().blobs) parts.push_back(blob);
+  }
+  PartialWands found = FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places);
+  work_left_ += std::max(0.0, places);
+  kept_work -= to_verify;
+  work_left_ += to_verify;
+  double work = std::min(work_left_, kWorkOfLevel);
+  work_left_ -= work;
+  standing_out_ = std::move(found.blobs);
+  candidates_ = std::move(found.candidates);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
+                                     kMaxFits - fits_left_, IsLit(image), &work);
+  work_left_ += work + kept_work;
+  if (verdict.wand && (found.cut_short || verdict.measured < candidates_.size())) {
+    // What was left out may be as good.
+    const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
+      return one.blobs == verdict.wand->blobs;
+    });
+    const bool is_rival = verdict.measured < candidates_.size() &&
+                          candidates_[verdict.measured].cost < chosen->cost + kSureCost;
+    const bool is_short = chosen->has_stick ? found.cut_stick : found.cut_short;
+    const bool is_sure = std::min(chosen->cost, verdict.wand->cost) <= kSureCost;
+    if (is_rival || (is_short && !is_sure)) verdict.wand.reset();
+  }
+  // Two things and a part of a third are found by chance among many.
+  const double odds = kPartialConfidence / (1 - kPartialConfidence) *
+                      std::pow(1 + found.tried / kFewPlaces, kTriedOdds);
+  if (verdict.wand && ((!few && verdict.wand->confidence < odds / (1 + odds)) ||
+                       verdict.wand->label_confidence < kPartialConfidence)) {
+    verdict.wand.reset();
+  }
+  if (verdict.wand) verifier_.FitOutlines(image, &*verdict.wand);
+  if (verdict.wand) TryWhole(image, &*verdict.wand);
+  return verdict;
+}
+
+void WandSearch::TryWhole(const ImageView& image, VerifiedWand* wand) {
+  const auto whole = WholeCandidate(wand_finder_, *wand, &standing_out_);
+  if (!whole) return;
+  double work = std::min(work_left_, kWorkOfWhole);
+  work_left_ -= work;
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, {&*whole, 1},
+                                     kMaxFits - fits_left_, IsLit(image), &work);
+  work_left_ += work;
+  if (!verdict.wand || verdict.wand->OccludedCount() > 0 || verdict.wand->cost > wand->cost) {
+    return;
+  }
+  *wand = *std::move(verdict.wand);
+  verifier_.FitOutlines(image, wand);
+}
+
+std::optional<VerifiedWand> WandSearch::SearchPart(const ImageView& image, const PixelRect& part) {
+  const Verdict verdict = Search(image, part, spot_finder_.level());
+  if (!verdict.wand.has_value() || verdict.wand->OccludedCount() > 0) return std::nullopt;
+  for (const int blob : verdict.wand->blobs) {
+    if (spot_finder_.spots()[static_cast<size_t>(blob)].is_cut) return std::nullopt;
+  }
+  return verdict.wand;
+}
+
+}  // namespace rigcal::agent

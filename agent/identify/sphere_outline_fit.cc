@@ -28,6 +28,25 @@ constexpr double kOffPx = 0.3, kOffShare = 0.03;  // of an edge that is not on t
 constexpr double kLeastFollows = 0.6;
 constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'
 
+using OutlineVector = Eigen::Matrix<double, kOutlineCount, 1>;
+using OutlineMatrix = Eigen::Matrix<double, kOutlineCount, kOutlineCount>;
+
+// Of the first `kUsed` parameters; a model that lacks the others leaves them as they are.
+template <int kUsed>
+OutlineVector SolvedStep(const OutlineMatrix& information, const OutlineVector& gradient) {
+  OutlineVector step = OutlineVector::Zero();
+  step.head<kUsed>() =
+      information.topLeftCorner<kUsed, kUsed>().ldlt().solve(gradient.head<kUsed>());
+  return step;
+}
+
+template <int kUsed>
+OutlineMatrix InverseOf(const OutlineMatrix& information) {
+  OutlineMatrix inverse = OutlineMatrix::Zero();
+  inverse.topLeftCorner<kUsed, kUsed>() = information.topLeftCorner<kUsed, kUsed>().inverse();
+  return inverse;
+}
+
 }  // namespace
 
 size_t OutlineSector(double offset_x, double offset_y) {
@@ -194,7 +213,8 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   for (int round = 0; round < kMaxRounds && !settled; ++round) {
     Matrix damped = system.information.selfadjointView<Eigen::Lower>();
     damped.diagonal() *= 1 + damping;
-    const Vector step = damped.ldlt().solve(system.gradient);
+    const Vector step = shading.white ? SolvedStep<kOutlineCount>(damped, system.gradient)
+                                      : SolvedStep<kOutlineOwnX>(damped, system.gradient);
     if (!step.allFinite()) return false;
     Vector next = q + step;
     next[kOutlineRadius] =
@@ -224,7 +244,8 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   const double free = std::max(1.0, system.weights - static_cast<double>(kOutlineCount));
   start->residual = std::sqrt(system.squares / free);
   const Matrix full = system.information.selfadjointView<Eigen::Lower>();
-  const Matrix covariance = full.inverse();
+  const Matrix covariance =
+      shading.white ? InverseOf<kOutlineCount>(full) : InverseOf<kOutlineOwnX>(full);
   // An outlier's weight falls, so that a shift of all pixels changes the sums of w r by the slope
   // of w r, 2 w^2 - w, not by w: Huber, Robust Statistics (1981), 7.6.
   start->follows = std::clamp((2 * system.slopes - system.weights) / std::max(1.0, system.weights),

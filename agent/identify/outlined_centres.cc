@@ -224,15 +224,11 @@ bool IsPartlyHidden(const VerifiedWand& wand, const FittedOutlines& outlines, si
 
 }  // namespace
 
-void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitter,
+void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter,
                         VerifiedWand* wand) {
-  OutlinedMarkers markers = given;
-  absl::InlinedVector<OutlinePixels, 3> marked(markers.size());
   for (size_t k = 0; k < markers.size(); ++k) {
     if (markers[k].outline == nullptr) continue;
-    marked[k] = *markers[k].pixels;
-    MarkStick(*wand, k, *markers[k].outline, &marked[k]);
-    markers[k].pixels = &marked[k];
+    MarkStick(*wand, k, *markers[k].outline, markers[k].pixels);
   }
   SphereShading light;
   const FittedOutlines fitted = WithTheirLight(markers, *wand, fitter, &light);

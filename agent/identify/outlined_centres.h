@@ -11,7 +11,7 @@ namespace rigcal::agent {
 // By marker; null where the outline cannot be fitted.
 struct OutlinedMarker {
   const SphereOutline* outline = nullptr;  // with any slope of the light
-  const OutlinePixels* pixels = nullptr;
+  OutlinePixels* pixels = nullptr;         // in which the stick is marked
 };
 using OutlinedMarkers = absl::InlinedVector<OutlinedMarker, 3>;
 
@@ -24,7 +24,7 @@ using OutlinedMarkers = absl::InlinedVector<OutlinedMarker, 3>;
 // they do not move the centre, and where blur hides them the covariance says so. Whether it is
 // white light that shades them or their own that is uneven, which behind a mosaic differs from
 // pixel to pixel, is what fits better.
-void SetOutlinedCentres(const OutlinedMarkers& given, SphereOutlineFitter* fitter,
+void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter,
                         VerifiedWand* wand);
 
 }  // namespace rigcal::agent

@@ -329,7 +329,7 @@ void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   OutlinedMarkers markers(wand->blobs.size());
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k] || !markers_.OutlineOf(image, wand->blobs[k])) continue;
-    const MeasuredMarker& measured = markers_.OfBlob(wand->blobs[k]);
+    MeasuredMarker& measured = markers_.OfBlob(wand->blobs[k]);
     markers[k] = {&*measured.outline, &measured.pixels};
   }
   SetOutlinedCentres(markers, markers_.fitter(), wand);

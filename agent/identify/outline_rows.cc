@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <iterator>
 
 // All instruction sets give the same result: the same operations on the same groups, none of them
 // contracted.
@@ -23,28 +25,121 @@ constexpr float kLeastCover = 1e-5f;
 
 constexpr size_t kGroup = OutlinePixels::kGroup;
 
-// Sum of a * b; `b` has a group every `stride` values.
-RIGCAL_CLONES float Product(const float* a, const float* b, size_t stride, size_t groups) {
-  float sums[kGroup] = {};
-  for (size_t i = 0; i < groups; ++i, a += kGroup, b += stride) {
-    for (size_t k = 0; k < kGroup; ++k) sums[k] += a[k] * b[k];
-  }
-  float sum = 0;
-  for (const float one : sums) sum += one;
-  return sum;
+// Half a group: what all instruction sets keep in registers.
+constexpr size_t kLanes = kGroup / 2;
+typedef float Lanes __attribute__((vector_size(kLanes * sizeof(float))));
+
+#define RIGCAL_INLINE inline __attribute__((always_inline))
+
+RIGCAL_INLINE Lanes Load(const float* from) {
+  Lanes lanes;
+  std::memcpy(&lanes, from, sizeof(lanes));
+  return lanes;
 }
 
-RIGCAL_CLONES void Multiply(const float* __restrict a, const float* __restrict b, size_t stride,
-                            size_t groups, float* __restrict result) {
-  for (size_t i = 0; i < groups; ++i, a += kGroup, b += stride, result += kGroup) {
-    for (size_t k = 0; k < kGroup; ++k) result[k] = a[k] * b[k];
+RIGCAL_INLINE void Store(const Lanes& lanes, float* to) { std::memcpy(to, &lanes, sizeof(lanes)); }
+
+// So many groups' rows stay in the first cache while all products are summed.
+constexpr size_t kChunk = 8;
+constexpr size_t kTileHeight = 4;
+
+// Rows of derivatives, weighted, and the sums of each lane.
+struct WeightedRows {
+  float rows[kChunk * kOutlineCount * kGroup];
+  float sums[kOutlineCount * (kOutlineCount + 1) * kGroup];  // by i, then by j or the residual
+};
+
+// Adds the products of kHeight weighted rows with another row, or two, in one half of the lanes.
+// From one row to the next: kGroup values; of the other row, from one group to the next: `stride`.
+template <size_t kHeight, bool kTwo>
+RIGCAL_INLINE void AddTile(const float* weighted, const float* other, size_t stride, size_t groups,
+                           float* sums) {
+  constexpr size_t kRow = (kOutlineCount + 1) * kGroup;  // of the sums
+  Lanes first[kHeight], second[kHeight];
+  for (size_t i = 0; i < kHeight; ++i) {
+    first[i] = Load(sums + i * kRow);
+    if (kTwo) second[i] = Load(sums + i * kRow + kGroup);
+  }
+  for (size_t g = 0; g < groups; ++g) {
+    const Lanes one = Load(other);
+    Lanes two;
+    if (kTwo) two = Load(other + kGroup);
+    for (size_t i = 0; i < kHeight; ++i) {
+      const Lanes row = Load(weighted + i * kGroup);
+      first[i] += row * one;
+      if (kTwo) second[i] += row * two;
+    }
+    weighted += kOutlineCount * kGroup;
+    other += stride;
+  }
+  for (size_t i = 0; i < kHeight; ++i) {
+    Store(first[i], sums + i * kRow);
+    if (kTwo) Store(second[i], sums + i * kRow + kGroup);
   }
 }
 
-// One group.
-RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restrict at_y,
-                             const float* __restrict shading, float white,
-                             const float* __restrict parameters, float* __restrict rows) {
+// The rows from `i` on with those up to them and with the residual.
+template <size_t kHeight>
+RIGCAL_INLINE void AddBand(size_t i, const float* rows, size_t stride, const float* residual,
+                           size_t groups, WeightedRows* weighted) {
+  for (size_t half = 0; half < kGroup; half += kLanes) {
+    const float* const band = weighted->rows + i * kGroup + half;
+    float* const sums = weighted->sums + i * (kOutlineCount + 1) * kGroup + half;
+    size_t j = 0;
+    for (; j + 2 <= i + kHeight; j += 2) {
+      AddTile<kHeight, true>(band, rows + j * kGroup + half, stride, groups, sums + j * kGroup);
+    }
+    if (j < i + kHeight) {
+      AddTile<kHeight, false>(band, rows + j * kGroup + half, stride, groups, sums + j * kGroup);
+    }
+    AddTile<kHeight, false>(band, residual + half, kGroup, groups, sums + kOutlineCount * kGroup);
+  }
+}
+
+// Of the first kUsed parameters.
+template <size_t kUsed>
+RIGCAL_INLINE void SumRows(const float* rows, size_t stride, const float* weight,
+                           const float* residual, size_t groups, WeightedRows* weighted) {
+  std::fill(std::begin(weighted->sums), std::end(weighted->sums), 0.0f);
+  for (size_t done = 0; done < groups; done += kChunk) {
+    const size_t count = std::min(kChunk, groups - done);
+    const float* const chunk = rows + done * stride;
+    for (size_t g = 0; g < count; ++g) {
+      const float* const its_weight = weight + (done + g) * kGroup;
+      for (size_t half = 0; half < kGroup; half += kLanes) {
+        const float* const row = chunk + g * stride + half;
+        float* const to = weighted->rows + g * kOutlineCount * kGroup + half;
+        const Lanes one = Load(its_weight + half);
+        for (size_t i = 0; i < kUsed; ++i) Store(one * Load(row + i * kGroup), to + i * kGroup);
+      }
+    }
+    size_t i = 0;
+    for (; i + kTileHeight <= kUsed; i += kTileHeight) {
+      AddBand<kTileHeight>(i, chunk, stride, residual + done * kGroup, count, weighted);
+    }
+    constexpr size_t kLeft = kUsed % kTileHeight;
+    if constexpr (kLeft > 0) {
+      AddBand<kLeft>(i, chunk, stride, residual + done * kGroup, count, weighted);
+    }
+  }
+}
+
+// Of a sphere's own light, and of white light.
+RIGCAL_CLONES void SumOwn(const float* rows, size_t stride, const float* weight,
+                          const float* residual, size_t groups, WeightedRows* weighted) {
+  SumRows<kOutlineOwnX>(rows, stride, weight, residual, groups, weighted);
+}
+
+RIGCAL_CLONES void SumWhite(const float* rows, size_t stride, const float* weight,
+                            const float* residual, size_t groups, WeightedRows* weighted) {
+  SumRows<kOutlineCount>(rows, stride, weight, residual, groups, weighted);
+}
+
+// One group; of the derivatives all, or only that by the radius.
+template <bool kWhite, bool kAll>
+RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restrict at_y,
+                             const float* __restrict shading, const float* __restrict parameters,
+                             float* __restrict rows) {
   float q[kOutlineCount];
   std::copy_n(parameters, kOutlineCount, q);
   const float per_radius = 1 / q[kOutlineRadius];
@@ -89,9 +184,9 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
     const float nz = std::sqrt(facing);
     const float lambert =
         q[kOutlineSlopeX] * vx + q[kOutlineSlopeY] * vy + q[kOutlineBendAlong] * nz;
-    const float lit = shading[i] * ((lambert > 0 ? 1.0f : 0.0f) + q[kOutlineSky]);
     // Which of the two models.
-    const float w = white, p = 1 - white;
+    constexpr float w = kWhite ? 1 : 0, p = 1 - w;
+    const float lit = shading[i] * ((lambert > 0 ? 1.0f : 0.0f) + q[kOutlineSky]);
     const float slope_by = p + w * lit;
     const float along_by = p * along + w * lit * nz;
     const float diagonal_by = p * diagonal + w * (shading[i] - 1);
@@ -117,9 +212,10 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
     const float by_width = -cover * outwards * n * (deeper - t * (radial - 1)) * kReach / per_steep;
     const float by_sigma2 = 0.5f * per_sigma * q[kOutlineEdge] * (by_width - edge * z);
     out(kOutlineCount, i) = cover * light;
+    out(kOutlineRadius, i) = (edge * per_steep - (light_x * ux + light_y * uy)) * per_radius;
+    if (!kAll) continue;
     out(kOutlineX, i) = edge * nx - (w00 * light_x + w01 * light_y);
     out(kOutlineY, i) = edge * ny - (w01 * light_x + w11 * light_y);
-    out(kOutlineRadius, i) = (edge * per_steep - (light_x * ux + light_y * uy)) * per_radius;
     out(kOutlineStretch, i) = -along_n * (ux * dx - uy * dy) - edge * rho * cos2 +
                               (light_x * dx - light_y * dy) * per_radius;
     out(kOutlineShear, i) = -along_n * (ux * dy + uy * dx) - edge * rho * sin2 +
@@ -137,6 +233,34 @@ RIGCAL_CLONES void FillGroup(const float* __restrict at_x, const float* __restri
     out(kOutlineOwnY, i) = w * cover * vy;
     out(kOutlineSky, i) = w * cover * shading[i] * lambert;
   }
+}
+
+template <bool kWhite, bool kAll>
+RIGCAL_INLINE void FillGroups(const OutlinePixels& pixels, const float* parameters, size_t stride,
+                              float* rows) {
+  for (size_t i = 0; i + kGroup <= pixels.size(); i += kGroup, rows += stride) {
+    FillGroup<kWhite, kAll>(&pixels.x[i], &pixels.y[i], &pixels.white[i], parameters, rows);
+  }
+}
+
+RIGCAL_CLONES void FillOwn(const OutlinePixels& pixels, const float* parameters, size_t stride,
+                           float* rows) {
+  FillGroups<false, true>(pixels, parameters, stride, rows);
+}
+
+RIGCAL_CLONES void FillWhite(const OutlinePixels& pixels, const float* parameters, size_t stride,
+                             float* rows) {
+  FillGroups<true, true>(pixels, parameters, stride, rows);
+}
+
+RIGCAL_CLONES void FillOwnEdge(const OutlinePixels& pixels, const float* parameters, size_t stride,
+                               float* rows) {
+  FillGroups<false, false>(pixels, parameters, stride, rows);
+}
+
+RIGCAL_CLONES void FillWhiteEdge(const OutlinePixels& pixels, const float* parameters,
+                                 size_t stride, float* rows) {
+  FillGroups<true, false>(pixels, parameters, stride, rows);
 }
 
 }  // namespace
@@ -162,26 +286,45 @@ void OutlinePixels::FillUp() {
 }
 
 void OutlineRows::Model(const OutlinePixels& pixels, const float* parameters, bool white_light) {
-  const size_t groups = pixels.size() / kGroup;
-  rows_.resize(groups * kStride);
-  used_ = white_light ? kOutlineCount : kOutlineOwnX;
-  for (size_t g = 0; g < groups; ++g) {
-    FillGroup(&pixels.x[g * kGroup], &pixels.y[g * kGroup], &pixels.white[g * kGroup],
-              white_light ? 1.0f : 0.0f, parameters, &rows_[g * kStride]);
+  rows_.resize(pixels.size() / kGroup * kStride);
+  is_white_ = white_light;
+  if (white_light) {
+    FillWhite(pixels, parameters, kStride, rows_.data());
+  } else {
+    FillOwn(pixels, parameters, kStride, rows_.data());
+  }
+}
+
+void OutlineRows::ModelEdge(const OutlinePixels& pixels, const float* parameters,
+                            bool white_light) {
+  rows_.resize(pixels.size() / kGroup * kStride);
+  is_white_ = white_light;
+  if (white_light) {
+    FillWhiteEdge(pixels, parameters, kStride, rows_.data());
+  } else {
+    FillOwnEdge(pixels, parameters, kStride, rows_.data());
   }
 }
 
 void OutlineRows::Sum(const std::vector<float>& weight, const std::vector<float>& residual,
                       float* products, float* gradient) {
+  WeightedRows weighted;
   const size_t groups = rows_.size() / kStride;
-  weighted_.resize(groups * kGroup);
-  const auto row = [this](int i) { return rows_.data() + static_cast<size_t>(i) * kGroup; };
-  for (int i = 0; i < used_; ++i) {
-    Multiply(weight.data(), row(i), kStride, groups, weighted_.data());
-    gradient[i] = Product(weighted_.data(), residual.data(), kGroup, groups);
-    for (int j = 0; j <= i; ++j) {
-      products[i * kOutlineCount + j] = Product(weighted_.data(), row(j), kStride, groups);
-    }
+  if (is_white_) {
+    SumWhite(rows_.data(), kStride, weight.data(), residual.data(), groups, &weighted);
+  } else {
+    SumOwn(rows_.data(), kStride, weight.data(), residual.data(), groups, &weighted);
+  }
+  const auto total = [&weighted](int i, int j) {
+    const float* const lanes =
+        weighted.sums + static_cast<size_t>(i * (kOutlineCount + 1) + j) * kGroup;
+    float sum = 0;
+    for (size_t k = 0; k < kGroup; ++k) sum += lanes[k];
+    return sum;
+  };
+  for (int i = 0; i < (is_white_ ? kOutlineCount : kOutlineOwnX); ++i) {
+    gradient[i] = total(i, kOutlineCount);
+    for (int j = 0; j <= i; ++j) products[i * kOutlineCount + j] = total(i, j);
   }
 }
 

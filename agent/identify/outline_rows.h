@@ -59,6 +59,8 @@ class OutlineRows {
   // Fills it with the model of `parameters` (kOutlineCount of them). `white_light`: it is white
   // light that shades the sphere, not its own.
   void Model(const OutlinePixels& pixels, const float* parameters, bool white_light = false);
+  // The same with the derivative by the radius only.
+  void ModelEdge(const OutlinePixels& pixels, const float* parameters, bool white_light);
 
   float value(size_t pixel) const { return Of(kOutlineCount, pixel); }
   float slope(OutlineParameter parameter, size_t pixel) const { return Of(parameter, pixel); }
@@ -78,8 +80,7 @@ class OutlineRows {
   }
 
   std::vector<float> rows_;
-  int used_ = kOutlineCount;     // parameters of the model
-  std::vector<float> weighted_;  // one parameter's
+  bool is_white_ = true;  // the light of the model
 };
 
 }  // namespace rigcal::agent

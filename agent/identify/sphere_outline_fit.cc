@@ -49,9 +49,17 @@ OutlineMatrix InverseOf(const OutlineMatrix& information) {
 
 }  // namespace
 
+// By comparisons: the ends of the sectors are multiples of 22.5 degrees.
 size_t OutlineSector(double offset_x, double offset_y) {
-  const double turn = (std::atan2(offset_y, offset_x) / (2 * std::numbers::pi) + 0.5) * kSectors;
-  return std::min(static_cast<size_t>(turn), kSectors - 1);
+  // Turned into the first quadrant.
+  const bool below = offset_y < 0;
+  const double x = below ? -offset_x : offset_x, y = below ? -offset_y : offset_y;
+  const bool left = !(x > 0);
+  const double u = left ? y : x, v = left ? -x : y;
+  constexpr double kFirst = std::numbers::sqrt2 - 1, kThird = std::numbers::sqrt2 + 1;  // tangents
+  const int within = (v >= kFirst * u ? 1 : 0) + (v >= u ? 1 : 0) + (v >= kThird * u ? 1 : 0);
+  static_assert(kSectors == 16);
+  return static_cast<size_t>((below ? 0 : 8) + (left ? 4 : 0) + within);
 }
 
 size_t OutlinePart(const OutlinePixels& pixels, size_t pixel, const Eigen::Vector2d& centre_px) {
@@ -70,15 +78,11 @@ Eigen::Matrix2d SphereOutline::SecondMoment() const {
   return 0.25 * (w * w).inverse();
 }
 
-SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,
-                                                           const Vector& parameters,
-                                                           bool white_light) {
+void SphereOutlineFitter::Weigh(const OutlinePixels& pixels, System* sums) {
   const size_t count = pixels.size();
-  const Eigen::Matrix<float, kOutlineCount, 1> single = parameters.cast<float>();
-  rows_.Model(pixels, single.data(), white_light);
   residual_.resize(count);
   weight_.resize(count);
-  System system;
+  System& system = *sums;
   constexpr float kPerCauchy2 = 1 / (kCauchy * kCauchy);
   double product = 1;
   for (size_t i = 0; i < count; ++i) {
@@ -100,6 +104,15 @@ SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& 
     system.slopes += w * w;
   }
   system.cost = 0.5 / static_cast<double>(kPerCauchy2) * (system.cost + std::log(product));
+}
+
+SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,
+                                                           const Vector& parameters,
+                                                           bool white_light) {
+  const Eigen::Matrix<float, kOutlineCount, 1> single = parameters.cast<float>();
+  rows_.Model(pixels, single.data(), white_light);
+  System system;
+  Weigh(pixels, &system);
   Eigen::Matrix<float, kOutlineCount, kOutlineCount, Eigen::RowMajor> products;
   products.setZero();
   Eigen::Matrix<float, kOutlineCount, 1> gradient = Eigen::Matrix<float, kOutlineCount, 1>::Zero();
@@ -138,7 +151,10 @@ void SphereOutlineFitter::ReadEdge(const OutlinePixels& pixels, SphereOutline* o
 }
 
 void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline) {
-  Linearise(pixels, outline->parameters, outline->white);
+  const Eigen::Matrix<float, kOutlineCount, 1> single = outline->parameters.cast<float>();
+  rows_.ModelEdge(pixels, single.data(), outline->white);
+  System system;
+  Weigh(pixels, &system);
   ReadEdge(pixels, outline);
 }
 

@@ -124,6 +124,8 @@ class SphereOutlineFitter {
     // Sums over the pixels: squared weight times squared residual; weight; its square.
     double squares = 0, weights = 0, slopes = 0;
   };
+  // Residuals and robust weights of the model in rows_, and their sums.
+  void Weigh(const OutlinePixels& pixels, System* sums);
   System Linearise(const OutlinePixels& pixels, const Vector& parameters, bool white_light);
   void ReadEdge(const OutlinePixels& pixels, SphereOutline* outline) const;
 

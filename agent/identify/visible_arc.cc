@@ -36,7 +36,7 @@ struct SectorEdges {
 SectorEdges EdgesOf(const OutlinePixels& pixels, const SphereOutline& outline,
                     const ArcExpectation& expected, OutlineRows* rows) {
   const Eigen::Matrix<float, kOutlineCount, 1> single = outline.parameters.cast<float>();
-  rows->Model(pixels, single.data(), outline.white);
+  rows->ModelEdge(pixels, single.data(), outline.white);
   std::array<double, kOutlineSectors> score{}, information{};
   for (size_t i = 0; i < pixels.size(); ++i) {
     // Before a saturated background any sphere looks smaller, and the stick tells nothing.

@@ -43,10 +43,9 @@ struct MarkerAperture {
   // From 1 inside to 0 outside over one pixel about the edge of `grown`; `offset` from the centre.
   double Weight(const Eigen::Vector2d& offset, const Eigen::Matrix2d& grown) const {
     const Eigen::Vector2d g = grown * offset;
-    const double r2 = offset.dot(g);
-    const double slope = g.norm();
-    if (!(slope > 1e-9)) return 1;
-    return std::clamp(0.5 - 0.5 * (r2 - 1) / slope, 0.0, 1.0);
+    const double rest = 1 - offset.dot(g), slope2 = g.squaredNorm();
+    if (rest * rest >= slope2) return rest > 0 ? 1 : 0;
+    return std::clamp(0.5 + 0.5 * rest / std::sqrt(slope2), 0.0, 1.0);
   }
 
  private:

@@ -26,6 +26,7 @@ constexpr float kForeign = 0.4f;
 constexpr float kAlikeAbove = 0.6f, kAlikeBelow = 1.5f;  // coverage of what looks like the marker
 enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
 constexpr int kMaxIterations = 12;
+constexpr double kWeightPx = 1.5;  // beyond an ellipse, where MarkerAperture::Weight is 0
 // Radii of the centroid per skewness, found on rendered images.
 constexpr double kShiftPerSkewness = 4;
 constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
@@ -78,16 +79,19 @@ bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aper
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   int count = 0, wide_count = 0;
   std::array<int, 3> saturated{};
-  ForPixels(window_, aperture.centre_px, [&](size_t, int x, int y, const Eigen::Vector2d& d) {
-    const double squared = d.dot(aperture.shape * d);
-    if (squared >= kWideCore * kWideCore) return;
-    const Eigen::Vector3f grey = GreyAt(image, x, y);
-    ++wide_count;
-    for (size_t c = 0; c < 3; ++c) saturated[c] += grey[static_cast<int>(c)] >= kSaturated ? 1 : 0;
-    if (squared >= kCore * kCore) return;
-    sum += grey;
-    ++count;
-  });
+  const Eigen::Matrix2d wide = aperture.shape / (kWideCore * kWideCore);
+  ForEllipse(window_, aperture.centre_px, wide,
+             [&](size_t, int x, int y, const Eigen::Vector2d& d) {
+               const double squared = d.dot(aperture.shape * d);
+               if (squared >= kWideCore * kWideCore) return;
+               const Eigen::Vector3f grey = GreyAt(image, x, y);
+               ++wide_count;
+               for (size_t c = 0; c < 3; ++c)
+                 saturated[c] += grey[static_cast<int>(c)] >= kSaturated ? 1 : 0;
+               if (squared >= kCore * kCore) return;
+               sum += grey;
+               ++count;
+             });
   if (count == 0) return false;
   for (size_t c = 0; c < 3; ++c) {
     centre->saturated[c] = saturated[c] > kMostSaturated * wide_count;
@@ -123,27 +127,27 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
   const auto strange = static_cast<float>(kStrange * centre->contrast_grey);
   // A little beyond what is summed: the aperture follows the centroid.
   reach_ = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx + 1);
-  ForPixels(window_, aperture.centre_px, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
-    if (d.dot(reach_ * d) > 1) {
-      coverage_[i] = gain_[i] = 0;
-      foreign_[i] = 0;
-      arc_of_[i] = 0;
-      return;
-    }
-    size_t arc = 0;
-    const Eigen::Vector3f background = background_.At(d, &arc);
-    const Eigen::Vector3f range = plateau - background;
-    const float squared = std::max(range.squaredNorm(), least * least);
-    const Eigen::Vector3f above = GreyAt(image, x, y) - background;
-    const float share = above.dot(range) / squared;
-    const float counted = (share - kFree) / (kCovered - kFree);
-    share_[i] = share;
-    coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
-    gain_[i] = counted > 0 && counted < 1 ? 1 / (std::sqrt(squared) * (kCovered - kFree)) : 0;
-    foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
-    if ((above - share * range).squaredNorm() > strange * strange) foreign_[i] |= kOtherColour;
-    arc_of_[i] = static_cast<uint16_t>(arc);
-  });
+  std::ranges::fill(coverage_, 0.0f);
+  std::ranges::fill(gain_, 0.0f);
+  std::ranges::fill(foreign_, uint8_t{0});
+  std::ranges::fill(arc_of_, uint16_t{0});
+  ForEllipse(
+      window_, aperture.centre_px, reach_, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+        if (d.dot(reach_ * d) > 1) return;
+        size_t arc = 0;
+        const Eigen::Vector3f background = background_.At(d, &arc);
+        const Eigen::Vector3f range = plateau - background;
+        const float squared = std::max(range.squaredNorm(), least * least);
+        const Eigen::Vector3f above = GreyAt(image, x, y) - background;
+        const float share = above.dot(range) / squared;
+        const float counted = (share - kFree) / (kCovered - kFree);
+        share_[i] = share;
+        coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
+        gain_[i] = counted > 0 && counted < 1 ? 1 / (std::sqrt(squared) * (kCovered - kFree)) : 0;
+        foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
+        if ((above - share * range).squaredNorm() > strange * strange) foreign_[i] |= kOtherColour;
+        arc_of_[i] = static_cast<uint16_t>(arc);
+      });
   return true;
 }
 
@@ -153,7 +157,7 @@ bool MarkerMeter::Outline(const MarkerAperture& aperture, Blob* blob) const {
   double count = 0;
   Eigen::Vector2d first = Eigen::Vector2d::Zero();
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
-  ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+  ForEllipse(window_, aperture.centre_px, grown, [&](size_t i, int, int, const Eigen::Vector2d& d) {
     if (coverage_[i] < half || (foreign_[i] & kOtherColour) != 0 || d.dot(grown * d) > 1) {
       return;
     }
@@ -174,9 +178,10 @@ void MarkerMeter::Block(const MarkerAperture& aperture) {
   const Eigen::Matrix2d outline = aperture.Grown(0), own = aperture.Grown(kOwnPx);
   const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
   const auto for_outside = [&](auto&& visit) {
-    ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
-      if (d.dot(outline * d) > 1 && d.dot(reach * d) < 1) visit(i, d.dot(own * d) > 1);
-    });
+    ForEllipse(window_, aperture.centre_px, reach,
+               [&](size_t i, int, int, const Eigen::Vector2d& d) {
+                 if (d.dot(outline * d) > 1 && d.dot(reach * d) < 1) visit(i, d.dot(own * d) > 1);
+               });
   };
   const size_t count = arcs.size();
   for_outside([&](size_t i, bool beyond) {
@@ -196,7 +201,7 @@ double MarkerMeter::AlikeAround(const MarkerAperture& aperture) const {
   const Eigen::Matrix2d own = aperture.Grown(kOwnPx);
   const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
   int count = 0, alike = 0;
-  ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+  ForEllipse(window_, aperture.centre_px, reach, [&](size_t i, int, int, const Eigen::Vector2d& d) {
     if (d.dot(own * d) <= 1 || d.dot(reach * d) >= 1) return;
     ++count;
     alike += share_[i] > kAlikeAbove && share_[i] < kAlikeBelow && (foreign_[i] & kOtherColour) == 0
@@ -209,14 +214,16 @@ double MarkerMeter::AlikeAround(const MarkerAperture& aperture) const {
 bool MarkerMeter::FindCentroid(MarkerAperture* aperture, MarkerCentre* centre) {
   const Eigen::Vector2d origin = aperture->centre_px;
   const Eigen::Matrix2d grown = aperture->Grown(MarkerAperture::kMarginPx);
+  const Eigen::Matrix2d reach = aperture->Grown(MarkerAperture::kMarginPx + kWeightPx);
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     double sum = 0;
     Eigen::Vector2d first = Eigen::Vector2d::Zero();
-    ForPixels(window_, aperture->centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
-      const double share = aperture->Weight(d, grown) * static_cast<double>(coverage_[i]);
-      sum += share;
-      first += share * d;
-    });
+    ForEllipse(
+        window_, aperture->centre_px, reach, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+          const double share = aperture->Weight(d, grown) * static_cast<double>(coverage_[i]);
+          sum += share;
+          first += share * d;
+        });
     if (!(sum > 1)) return false;
     const Eigen::Vector2d step = first / sum;
     aperture->centre_px += step;
@@ -230,11 +237,12 @@ bool MarkerMeter::FindCentroid(MarkerAperture* aperture, MarkerCentre* centre) {
 void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre) {
   const std::vector<RingBackground::Arc>& arcs = background_.arcs();
   const Eigen::Matrix2d grown = aperture.Grown(MarkerAperture::kMarginPx);
+  const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + kWeightPx);
   double sum = 0, noise6 = 0;
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero(), noise = Eigen::Matrix2d::Zero();
   Eigen::Vector4d third = Eigen::Vector4d::Zero();  // xxx, xxy, xyy, yyy
   std::vector<Eigen::Vector2d> by_arc(arcs.size(), Eigen::Vector2d::Zero());
-  ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+  ForEllipse(window_, aperture.centre_px, reach, [&](size_t i, int, int, const Eigen::Vector2d& d) {
     const double weight = aperture.Weight(d, grown);
     if (weight <= 0) return;
     const double coverage = static_cast<double>(coverage_[i]), share = weight * coverage;
@@ -243,9 +251,9 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
     second += share * square;
     third += share * Eigen::Vector4d(d.x() * square(0, 0), d.y() * square(0, 0),
                                      d.x() * square(1, 1), d.y() * square(1, 1));
-    const double gain = weight * static_cast<double>(gain_[i]);
+    const double gain = weight * static_cast<double>(gain_[i]), squared = d.squaredNorm();
     noise += gain * gain * square;
-    noise6 += gain * gain * std::pow(d.squaredNorm(), 3);
+    noise6 += gain * gain * squared * squared * squared;
     by_arc[arc_of_[i]] +=
         gain * (1 - static_cast<double>(kFree) - static_cast<double>(kCovered - kFree) * coverage) *
         d;
@@ -353,37 +361,38 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
       2 * std::numbers::pi * aperture.a * (std::min(kRimPx, aperture.b) + how.reach_px);
   const double step = std::max(1.0, rim / kEnoughPixels / (how.window.step * how.window.step));
   double turn = 0;
-  ForPixels(how.window, aperture.centre_px, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
-    if (d.dot(outside * d) > 1 || (!how.near && arcs[arc_of_[i]].blocked)) return;
-    turn += large && d.dot(inside * d) < 1 ? 1 / kInsideStep : 1;
-    if (turn < step) return;
-    turn -= step;
-    const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
-    if (!mosaic_ && !how.near && used.minCoeff() > 0) {
-      pixels->Add(at_x, at_y, share_[i], precision);
-      return;
-    }
-    size_t arc = 0;
-    const Eigen::Vector3f background = how.background.At(d, &arc);
-    const Eigen::Vector3f above = GreyAt(image, x, y) - background;
-    Eigen::Vector3f range = plateau - background;
-    if (!mosaic_) {
-      range = range.cwiseProduct(used);
-      const float squared = range.squaredNorm();
-      if (squared < least * least) return;
-      pixels->Add(at_x, at_y, above.dot(range) / squared,
-                  1 / std::hypot(single_noise / std::sqrt(squared), model_noise), 1,
-                  background.cwiseProduct(used).maxCoeff() >= kSaturated);
-      return;
-    }
-    const int channel = mosaic_->Channel(x, y);
-    if (!(used[channel] > 0)) return;
-    if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
-    pixels->Add(at_x, at_y, above[channel] / range[channel],
-                1 / std::hypot(single_noise / range[channel], model_noise),
-                std::min(kMostWhite, range.maxCoeff() / std::abs(range[channel])),
-                background[channel] >= kSaturated);
-  });
+  ForEllipse(how.window, aperture.centre_px, outside,
+             [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+               if (d.dot(outside * d) > 1 || (!how.near && arcs[arc_of_[i]].blocked)) return;
+               turn += large && d.dot(inside * d) < 1 ? 1 / kInsideStep : 1;
+               if (turn < step) return;
+               turn -= step;
+               const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
+               if (!mosaic_ && !how.near && used.minCoeff() > 0) {
+                 pixels->Add(at_x, at_y, share_[i], precision);
+                 return;
+               }
+               size_t arc = 0;
+               const Eigen::Vector3f background = how.background.At(d, &arc);
+               const Eigen::Vector3f above = GreyAt(image, x, y) - background;
+               Eigen::Vector3f range = plateau - background;
+               if (!mosaic_) {
+                 range = range.cwiseProduct(used);
+                 const float squared = range.squaredNorm();
+                 if (squared < least * least) return;
+                 pixels->Add(at_x, at_y, above.dot(range) / squared,
+                             1 / std::hypot(single_noise / std::sqrt(squared), model_noise), 1,
+                             background.cwiseProduct(used).maxCoeff() >= kSaturated);
+                 return;
+               }
+               const int channel = mosaic_->Channel(x, y);
+               if (!(used[channel] > 0)) return;
+               if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
+               pixels->Add(at_x, at_y, above[channel] / range[channel],
+                           1 / std::hypot(single_noise / range[channel], model_noise),
+                           std::min(kMostWhite, range.maxCoeff() / std::abs(range[channel])),
+                           background[channel] >= kSaturated);
+             });
   pixels->FillUp();
 }
 

@@ -5,7 +5,10 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
+#include <cstring>
 #include <numbers>
+#include <numeric>
 #include <span>
 
 #include "common/statistics/robust_statistics.h"
@@ -16,62 +19,83 @@ namespace {
 constexpr int kMinArcs = 16, kMaxArcs = 64;
 constexpr float kAlike = 0.4f;  // of the contrast: as near as this is the marker's colour
 constexpr int kMinRingPixels = 24;
-constexpr size_t kFewGreys = 32;
 constexpr float kOverlap = 0.3f;  // of an arc, into each neighbour
 
-// Direction of `d`, 0 to `turns`.
-float TurnOf(const Eigen::Vector2d& d, float turns) {
-  // atan to 1e-4 rad: arcs are a hundred times as long.
-  const auto x = static_cast<float>(d.x()), y = static_cast<float>(d.y());
-  const float ax = std::abs(x), ay = std::abs(y);
-  const float low = std::min(ax, ay), high = std::max(ax, ay);
-  const float t = high > 0 ? low / high : 0, t2 = t * t;
-  float angle =
-      t * (0.99997726f +
-           t2 * (-0.33262347f +
-                 t2 * (0.19354346f + t2 * (-0.11643287f + t2 * (0.05265332f - t2 * 0.01172120f)))));
-  constexpr auto kPi = std::numbers::pi_v<float>;
-  if (ay > ax) angle = 0.5f * kPi - angle;
-  if (x < 0) angle = kPi - angle;
-  if (y < 0) angle = -angle;
-  return std::clamp((angle / (2 * kPi) + 0.5f) * turns, 0.0f, turns);
+typedef uint8_t Sixteen __attribute__((vector_size(16)));
+
+// The upper median of up to 16 kVectors grey levels: the smallest one that more than half of them
+// do not exceed, by comparing each with all.
+template <int kVectors>
+uint8_t MedianOfFew(std::span<const uint8_t> values) {
+  uint8_t padded[16 * kVectors] = {};
+  std::ranges::copy(values, padded);
+  Sixteen own[kVectors], not_above[kVectors] = {};
+  std::memcpy(own, padded, sizeof(own));
+  for (const uint8_t value : values) {
+    const Sixteen other = Sixteen{} + value;
+    for (int k = 0; k < kVectors; ++k) not_above[k] -= (Sixteen)(other <= own[k]);
+  }
+  uint8_t counts[16 * kVectors];
+  std::memcpy(counts, not_above, sizeof(counts));
+  uint8_t median = 255;
+  for (size_t i = 0; i < values.size(); ++i) {
+    const uint8_t one = counts[i] > values.size() / 2 ? padded[i] : 255;
+    median = std::min(median, one);
+  }
+  return median;
 }
 
-// The upper median of grey levels, which are whole numbers up to 255. Of many by counting them, of
-// few by sorting them into place: faster than std::nth_element for these.
-float MedianGrey(std::span<float> values) {
-  const size_t middle = values.size() / 2;
-  if (values.size() > kFewGreys) {
-    std::array<int, 256> counts{};
-    for (const float value : values) ++counts[static_cast<uint8_t>(value)];
-    size_t grey = 0, below = 0;
-    while ((below += static_cast<size_t>(counts[grey])) <= middle) ++grey;
-    return static_cast<float>(grey);
-  }
-  for (size_t i = 1; i < values.size(); ++i) {
-    const float value = values[i];
-    size_t k = i;
-    for (; k > 0 && values[k - 1] > value; --k) values[k] = values[k - 1];
-    values[k] = value;
-  }
-  return values[middle];
+using GreyCounts = std::array<int, 256>;
+
+// The upper median of counted grey levels.
+int MedianOf(const GreyCounts& counts, int total) {
+  int grey = 0, below = 0;
+  while ((below += counts[static_cast<size_t>(grey)]) <= total / 2) ++grey;
+  return grey;
 }
 
-// One sigma of values around medians of some ten of them, without what does not belong to them.
-double NoiseSigma(std::span<float> residuals) {
-  const float limit = 2.5f * static_cast<float>(kSigmaOverMad) * (MedianGrey(residuals) + 0.5f);
-  double squares = 0;
-  int count = 0;
-  for (const float residual : residuals) {
-    if (residual > limit) continue;
-    squares += static_cast<double>(residual * residual);
-    ++count;
+// The upper median.
+uint8_t MedianGrey(std::span<const uint8_t> values) {
+  if (values.size() <= 16) return MedianOfFew<1>(values);
+  if (values.size() <= 32) return MedianOfFew<2>(values);
+  GreyCounts counts{};
+  for (const uint8_t value : values) ++counts[value];
+  return static_cast<uint8_t>(MedianOf(counts, static_cast<int>(values.size())));
+}
+
+// One sigma of values around medians of some ten of them, by how often they are so far away,
+// without what does not belong to them.
+double NoiseSigma(const GreyCounts& residuals) {
+  const int total = std::accumulate(residuals.begin(), residuals.end(), 0);
+  if (total == 0) return 0.5;
+  const float limit = 2.5f * static_cast<float>(kSigmaOverMad) *
+                      (static_cast<float>(MedianOf(residuals, total)) + 0.5f);
+  int64_t squares = 0, count = 0;
+  for (int64_t grey = 0; grey < 256 && static_cast<float>(grey) <= limit; ++grey) {
+    squares += grey * grey * residuals[static_cast<size_t>(grey)];
+    count += residuals[static_cast<size_t>(grey)];
   }
   // The cut leaves 0.95 of a Gaussian's variance; a median of few takes 5 % of it along.
-  return std::max(0.5, std::sqrt(squares / (0.9 * std::max(1, count))));
+  return std::max(0.5, std::sqrt(static_cast<double>(squares) /
+                                 (0.9 * static_cast<double>(std::max(int64_t{1}, count)))));
+}
+
+Eigen::Vector3f ToVector(const std::array<uint8_t, 3>& grey) {
+  return {static_cast<float>(grey[0]), static_cast<float>(grey[1]), static_cast<float>(grey[2])};
 }
 
 }  // namespace
+
+// Arcs overlap: a pixel near an end also counts for the neighbour.
+template <typename Visit>
+void RingBackground::ForArcsOf(const RingPixel& pixel, Visit visit) const {
+  const size_t count = arcs_.size();
+  const size_t arc = std::min(static_cast<size_t>(pixel.turn), count - 1);
+  const float share = pixel.turn - static_cast<float>(arc);
+  visit(arc);
+  if (share <= kOverlap) visit(arc > 0 ? arc - 1 : count - 1);
+  if (share >= 1 - kOverlap) visit(arc + 1 < count ? arc + 1 : 0);
+}
 
 bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture,
                           const PixelGrid& window, const Eigen::Vector3f& plateau_grey,
@@ -85,50 +109,55 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
   arcs_.assign(static_cast<size_t>(count), Arc());
   const auto turns = static_cast<float>(count);
   pixels_.clear();
-  ForPixels(window, aperture.centre_px, [&](size_t, int x, int y, const Eigen::Vector2d& d) {
+  const bool is_mono = image.format == PixelFormat::kMono8;
+  ForEllipse(window, aperture.centre_px, edge, [&](size_t, int x, int y, const Eigen::Vector2d& d) {
     if (d.dot(ring * d) <= 1 || d.dot(edge * d) >= 1) return;
-    pixels_.push_back({TurnOf(d, turns), GreyAt(image, x, y)});
+    const uint8_t* const pixel = image.Row(y) + (is_mono ? x : 3 * x);
+    RingPixel& read = pixels_.emplace_back(RingPixel{TurnOf(d, turns), {pixel[0], 0, 0}});
+    if (!is_mono) read.grey = {pixel[0], pixel[1], pixel[2]};
   });
   if (pixels_.size() < kMinRingPixels) return false;
-  const int channels = image.format == PixelFormat::kMono8 ? 1 : 3;
+  const size_t channels = is_mono ? 1 : 3;
   // Pixels of the ring that look like the marker belong to the next one.
   Eigen::Vector3f middle = Eigen::Vector3f::Zero();
-  for (int c = 0; c < channels; ++c) {
-    residuals_.clear();
-    for (const RingPixel& pixel : pixels_) residuals_.push_back(pixel.grey[c]);
-    middle[c] = MedianGrey(residuals_);
+  for (size_t c = 0; c < channels; ++c) {
+    GreyCounts counts{};
+    for (const RingPixel& pixel : pixels_) ++counts[pixel.grey[c]];
+    middle[static_cast<int>(c)] =
+        static_cast<float>(MedianOf(counts, static_cast<int>(pixels_.size())));
   }
   const float alike = kAlike * (plateau_grey - middle).norm();
   std::erase_if(pixels_, [&](const RingPixel& p) {
-    return (p.grey - plateau_grey).squaredNorm() < alike * alike;
+    return (ToVector(p.grey) - plateau_grey).squaredNorm() < alike * alike;
   });
   if (pixels_.size() < kMinRingPixels / 2) return false;
-  // Arcs overlap: a pixel near an end also counts for the neighbour.
-  by_arc_.resize(static_cast<size_t>(count));
-  for (auto& members : by_arc_) members.clear();
-  for (size_t i = 0; i < pixels_.size(); ++i) {
-    const int arc = std::min(static_cast<int>(pixels_[i].turn), count - 1);
-    const float share = pixels_[i].turn - static_cast<float>(arc);
-    by_arc_[static_cast<size_t>(arc)].push_back(static_cast<int>(i));
-    if (share <= kOverlap) {
-      by_arc_[static_cast<size_t>((arc + count - 1) % count)].push_back(static_cast<int>(i));
-    }
-    if (share >= 1 - kOverlap) {
-      by_arc_[static_cast<size_t>((arc + 1) % count)].push_back(static_cast<int>(i));
-    }
+  for (const RingPixel& pixel : pixels_) {
+    ForArcsOf(pixel, [&](size_t arc) { ++arcs_[arc].pixels; });
   }
-  residuals_.clear();
-  for (int k = 0; k < count; ++k) {
-    const std::vector<int>& members = by_arc_[static_cast<size_t>(k)];
-    Arc& arc = arcs_[static_cast<size_t>(k)];
-    arc.pixels = static_cast<int>(members.size());
-    if (arc.pixels == 0) continue;
-    for (int c = 0; c < channels; ++c) {
-      values_.clear();
-      for (const int i : members) values_.push_back(pixels_[static_cast<size_t>(i)].grey[c]);
-      arc.background[c] = MedianGrey(values_);
+  ends_.resize(arcs_.size());
+  size_t total = 0;
+  for (size_t k = 0; k < arcs_.size(); ++k) {
+    ends_[k] = total;  // moves on as the arc is filled
+    total += static_cast<size_t>(arcs_[k].pixels);
+  }
+  for (auto& greys : greys_) greys.resize(total);
+  for (const RingPixel& pixel : pixels_) {
+    ForArcsOf(pixel, [&](size_t arc) {
+      const size_t place = ends_[arc]++;
+      for (size_t c = 0; c < channels; ++c) greys_[c][place] = pixel.grey[c];
+    });
+  }
+  GreyCounts residuals{};
+  for (size_t k = 0; k < arcs_.size(); ++k) {
+    Arc& arc = arcs_[k];
+    const auto size = static_cast<size_t>(arc.pixels);
+    if (size == 0) continue;
+    for (size_t c = 0; c < channels; ++c) {
+      const std::span<const uint8_t> values(&greys_[c][ends_[k] - size], size);
+      const uint8_t median = MedianGrey(values);
+      arc.background[static_cast<int>(c)] = static_cast<float>(median);
       if (noise_grey == nullptr) continue;
-      for (const float value : values_) residuals_.push_back(std::abs(value - arc.background[c]));
+      for (const uint8_t value : values) ++residuals[static_cast<size_t>(std::abs(value - median))];
     }
   }
   // Arcs without a pixel, outside of the image or hidden by a neighbour, are like the nearest
@@ -141,19 +170,8 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
       arcs_[static_cast<size_t>(k)] = before.pixels >= after.pixels ? before : after;
     }
   }
-  if (noise_grey != nullptr) *noise_grey = residuals_.empty() ? 0.5 : NoiseSigma(residuals_);
+  if (noise_grey != nullptr) *noise_grey = NoiseSigma(residuals);
   return true;
-}
-
-Eigen::Vector3f RingBackground::At(const Eigen::Vector2d& offset, size_t* arc) const {
-  const auto count = static_cast<float>(arcs_.size());
-  const float turn = TurnOf(offset, count) - 0.5f;
-  const float low = std::floor(turn);
-  const float share = turn - low;
-  const size_t first = static_cast<size_t>(low + count) % arcs_.size();
-  const size_t second = (first + 1) % arcs_.size();
-  *arc = share < 0.5f ? first : second;
-  return (1 - share) * arcs_[first].background + share * arcs_[second].background;
 }
 
 }  // namespace rigcal::agent

@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <numbers>
 #include <vector>
 
 #include "agent/detect/blobs/image_view.h"
@@ -31,14 +36,29 @@ struct PixelGrid {
   }
 };
 
-// Calls visit(number, x, y, offset from `centre_px`) for every pixel of the grid, row by row.
+// Calls visit(number, x, y, offset from `centre_px`) for every pixel of the grid in the ellipse
+// d^T shape d <= 1 about `centre_px`, and for a few right beside it, row by row.
 template <typename Visit>
-void ForPixels(const PixelGrid& grid, const Eigen::Vector2d& centre_px, Visit visit) {
+void ForEllipse(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
+                const Eigen::Matrix2d& shape, Visit visit) {
   const PixelRect& window = grid.rect;
-  size_t i = 0;
+  const int columns = (window.width + grid.step - 1) / grid.step;
+  const double per_a = 1 / shape(0, 0), per_step = 1.0 / grid.step;
+  const double determinant = shape.determinant();
+  size_t row = 0;
   for (int y = window.y; y < window.y + window.height; y += grid.step) {
-    for (int x = window.x; x < window.x + window.width; x += grid.step, ++i) {
-      visit(i, x, y, Eigen::Vector2d(x - centre_px.x(), y - centre_px.y()));
+    const double dy = y - centre_px.y();
+    const size_t before = row;
+    row += static_cast<size_t>(columns);
+    const double squared = (shape(0, 0) - determinant * dy * dy) * per_a * per_a;
+    if (!(squared > -1)) continue;
+    const double half = std::sqrt(std::max(0.0, squared));
+    const double middle = centre_px.x() - shape(0, 1) * per_a * dy - window.x;
+    const int first = std::max(0, static_cast<int>((middle - half) * per_step) - 1);
+    const int last = std::min(columns - 1, static_cast<int>((middle + half) * per_step) + 1);
+    int x = window.x + first * grid.step;
+    for (int i = first; i <= last; ++i, x += grid.step) {
+      visit(before + static_cast<size_t>(i), x, y, Eigen::Vector2d(x - centre_px.x(), dy));
     }
   }
 }
@@ -67,7 +87,15 @@ class RingBackground {
 
   // The background behind a pixel, between the two arcs next to its direction, and the nearer of
   // them. `offset`: of the pixel from the aperture's centre.
-  Eigen::Vector3f At(const Eigen::Vector2d& offset, size_t* arc) const;
+  Eigen::Vector3f At(const Eigen::Vector2d& offset, size_t* arc) const {
+    const float turn = TurnOf(offset, static_cast<float>(arcs_.size())) - 0.5f;
+    const auto low = static_cast<int>(turn + 1) - 1;  // turn is -0.5 or more
+    const float share = turn - static_cast<float>(low);
+    const size_t first = low < 0 ? arcs_.size() - 1 : static_cast<size_t>(low);
+    const size_t second = first + 1 < arcs_.size() ? first + 1 : 0;
+    *arc = share < 0.5f ? first : second;
+    return (1 - share) * arcs_[first].background + share * arcs_[second].background;
+  }
 
   // After Read, in the order of their direction, an even number.
   std::vector<Arc>& arcs() { return arcs_; }
@@ -76,13 +104,36 @@ class RingBackground {
  private:
   struct RingPixel {
     float turn;  // its direction, 0 to the number of arcs
-    Eigen::Vector3f grey;
+    std::array<uint8_t, 3> grey;
   };
+
+  // Direction of `d`, 0 to `turns`.
+  static float TurnOf(const Eigen::Vector2d& d, float turns) {
+    // atan to 1e-4 rad: arcs are a hundred times as long.
+    const auto x = static_cast<float>(d.x()), y = static_cast<float>(d.y());
+    const float ax = std::abs(x), ay = std::abs(y);
+    const float low = std::min(ax, ay), high = std::max(ax, ay);
+    const float t = high > 0 ? low / high : 0, t2 = t * t;
+    float angle =
+        t *
+        (0.99997726f +
+         t2 * (-0.33262347f +
+               t2 * (0.19354346f + t2 * (-0.11643287f + t2 * (0.05265332f - t2 * 0.01172120f)))));
+    constexpr auto kPi = std::numbers::pi_v<float>;
+    if (ay > ax) angle = 0.5f * kPi - angle;
+    if (x < 0) angle = kPi - angle;
+    if (y < 0) angle = -angle;
+    return std::clamp((angle / (2 * kPi) + 0.5f) * turns, 0.0f, turns);
+  }
+
+  // Calls visit(arc) for the arc of a pixel and the neighbour that it also counts for.
+  template <typename Visit>
+  void ForArcsOf(const RingPixel& pixel, Visit visit) const;
+
   std::vector<Arc> arcs_;
   std::vector<RingPixel> pixels_;
-  std::vector<std::vector<int>> by_arc_;  // pixels of each arc
-  std::vector<float> values_;             // of one arc and channel
-  std::vector<float> residuals_;
+  std::vector<size_t> ends_;                   // of the arcs in greys_
+  std::array<std::vector<uint8_t>, 3> greys_;  // of the pixels, by channel, arc after arc
 };
 
 }  // namespace rigcal::agent

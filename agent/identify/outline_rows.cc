@@ -6,14 +6,10 @@
 #include <cstring>
 #include <iterator>
 
+#include "agent/detect/blobs/clones.h"
+
 // All instruction sets give the same result: the same operations on the same groups, none of them
 // contracted.
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define RIGCAL_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define RIGCAL_CLONES
-#endif
-
 namespace rigcal::agent {
 namespace {
 

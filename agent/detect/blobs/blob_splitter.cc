@@ -8,12 +8,15 @@
 #include <cstddef>
 #include <numbers>
 
+#include "agent/detect/blobs/value_rows.h"
+
 namespace rigcal::agent {
 namespace {
 
 constexpr int kMaxBoxPx = 1 << 20;
 constexpr double kLowLevel = 0.6, kHighLevel = 0.82;  // of the brightest pixels
-constexpr int kBrightest = 6;  // that many pixels are at least as bright: one may be noise
+constexpr size_t kBrightest = 6;  // that many pixels are at least as bright: one may be noise
+constexpr int kAlike = 12;        // grey levels
 constexpr size_t kMaxParts = 32;
 constexpr int kClipped = 250;
 constexpr int kMuchSmaller = 3;
@@ -41,21 +44,24 @@ void BlobSplitter::ReadValues(const ImageView& image, const PixelRect& box, bool
       continue;
     }
     if (means) {
-      for (size_t x = 0; x < width; ++x, pixel += 3) {
-        out[x] = static_cast<uint8_t>((pixel[0] + pixel[1] + pixel[2]) / 3);
-      }
-      continue;
-    }
-    for (size_t x = 0; x < width; ++x, pixel += 3) {
-      out[x] = std::max(std::max(pixel[0], pixel[1]), pixel[2]);
+      MeanChannels(pixel, width, out);
+    } else {
+      LargestChannels(pixel, width, out);
     }
   }
 }
 
 int BlobSplitter::BrightValue() const {
-  std::array<int, 256> histogram{};
+  // Mostly the brightest are alike.
+  const int largest = LargestOf(value_.data(), value_.size());
+  for (int value = largest; value > std::max(0, largest - kAlike); --value) {
+    const size_t count = CountAtLeast(value_.data(), value_.size(), static_cast<uint8_t>(value));
+    if (count >= kBrightest) return value;
+  }
+  std::array<size_t, 256> histogram{};
   for (const uint8_t value : value_) ++histogram[value];
-  int count = 0, value = 255;
+  size_t count = 0;
+  int value = 255;
   while (value > 0 && (count += histogram[static_cast<size_t>(value)]) < kBrightest) --value;
   return value;
 }
@@ -70,14 +76,7 @@ void BlobSplitter::AddBright(const ImageView& image, const PixelRect& part, int 
     const uint8_t* value = value_.data() +
                            static_cast<size_t>(y - box_.y) * static_cast<size_t>(box_.width) +
                            static_cast<size_t>(part.x - box_.x);
-    for (int i = 0; i < word_count; ++i) {
-      const int begin = i * kMaskWordBits, end = std::min(part.width, begin + kMaskWordBits);
-      uint64_t word = 0;
-      for (int x = begin; x < end; ++x) {
-        word |= static_cast<uint64_t>(value[x] >= level) << (x - begin);
-      }
-      words_[static_cast<size_t>(i)] = word;
-    }
+    BitsAtLeast(value, static_cast<size_t>(part.width), static_cast<uint8_t>(level), words_.data());
     labeller_.AddRow(y, part.x, words_.data(), word_count);
   }
   for (const ComponentSums& sums : labeller_.Finish()) {

@@ -2,14 +2,17 @@
 #include "agent/detect/blobs/disc_finder.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <numbers>
 
 namespace rigcal::agent {
 namespace {
 
-constexpr uint16_t kBeside = 3, kDiagonal = 4;  // thirds of a pixel, a chamfer distance
-constexpr uint16_t kLeastPeak = 5;
+constexpr int16_t kBeside = 3, kDiagonal = 4;  // thirds of a pixel, a chamfer distance
+constexpr int16_t kFar = 16000;  // further than in any box; a few of them are no overflow
+constexpr int16_t kLeastPeak = 5;
 constexpr int kCircleDirections = 16;
 constexpr int kMostInside = 6;  // of them; a stick through the disc takes two or three
 constexpr double kCircleShare = 1.3, kCirclePx = 1;
@@ -18,50 +21,91 @@ constexpr size_t kMaxDiscs = 48;
 // A hole that is filled: the end of a stick that points at the camera, in front of a sphere.
 constexpr int kHolePart = 8, kMostHolePx = 400;  // of the blob's area
 
+// Eight neighbouring pixels.
+constexpr int kEight = 8;
+typedef int16_t Eight __attribute__((vector_size(16)));
+
+Eight LoadEight(const int16_t* from) {
+  Eight eight;
+  std::memcpy(&eight, from, sizeof(eight));
+  return eight;
+}
+
+void StoreEight(Eight eight, int16_t* to) { std::memcpy(to, &eight, sizeof(eight)); }
+
+Eight Lesser(Eight a, Eight b) { return a < b ? a : b; }
+
+bool Any(Eight truths) {
+  uint64_t halves[2];
+  std::memcpy(halves, &truths, sizeof(truths));
+  return (halves[0] | halves[1]) != 0;
+}
+
 }  // namespace
 
-// Borgefors' two passes.
+// Borgefors' two passes. In each the rows before and the pixels before in the row count; the latter
+// as the smallest of all, each with its distance, in steps of one, two and four pixels.
 void DiscFinder::MeasureDistances() {
-  const auto nearest = [](uint16_t a, uint16_t b, uint16_t c, uint16_t d) {
-    return std::min(std::min<int>(a, d) + kBeside, std::min<int>(b, c) + kDiagonal);
+  const auto nearest = [](const int16_t* beside) {
+    return Lesser(LoadEight(beside) + kBeside,
+                  Lesser(LoadEight(beside - 1), LoadEight(beside + 1)) + kDiagonal);
   };
-  const int right = box_.width, bottom = box_.height;
-  for (int y = 1; y <= bottom; ++y) {
-    uint16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
-    const uint16_t* const above = row - stride_;
-    for (int x = 1; x <= right; ++x) {
-      if (row[x] == 0) continue;
-      const int by_row = std::min(above[x] + kBeside, above[x - 1] + kDiagonal);
-      row[x] = static_cast<uint16_t>(
-          std::min(std::min(row[x - 1] + kBeside, above[x + 1] + kDiagonal), by_row));
+  const Eight far = Eight{} + kFar;
+  const Eight rising = {kBeside,     2 * kBeside, 3 * kBeside, 4 * kBeside,
+                        5 * kBeside, 6 * kBeside, 7 * kBeside, 8 * kBeside};
+  const Eight falling = __builtin_shufflevector(rising, rising, 7, 6, 5, 4, 3, 2, 1, 0);
+  for (int y = 1; y <= box_.height; ++y) {
+    int16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
+    int16_t last = 0;
+    for (int x = 1; x <= box_.width; x += kEight) {
+      Eight d = LoadEight(row + x) & nearest(row + x - stride_);
+      d = Lesser(d, __builtin_shufflevector(far, d, 7, 8, 9, 10, 11, 12, 13, 14) + kBeside);
+      d = Lesser(d, __builtin_shufflevector(far, d, 6, 7, 8, 9, 10, 11, 12, 13) + 2 * kBeside);
+      d = Lesser(d, __builtin_shufflevector(far, d, 4, 5, 6, 7, 8, 9, 10, 11) + 4 * kBeside);
+      d = Lesser(d, rising + last);
+      StoreEight(d, row + x);
+      last = d[kEight - 1];
     }
   }
-  for (int y = bottom; y >= 1; --y) {
-    uint16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
-    const uint16_t* const below = row + stride_;
-    for (int x = right; x >= 1; --x) {
-      if (row[x] == 0) continue;
-      const int away = nearest(row[x + 1], below[x + 1], below[x - 1], below[x]);
-      if (away < row[x]) row[x] = static_cast<uint16_t>(away);
+  for (int y = box_.height; y >= 1; --y) {
+    int16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
+    int16_t last = 0;
+    for (int x = stride_ - 1 - kEight; x >= 1; x -= kEight) {
+      // What is 0 stays so, and is no more than what is near.
+      Eight d = LoadEight(row + x);
+      d = Lesser(d, nearest(row + x + stride_));
+      d = Lesser(d, __builtin_shufflevector(d, far, 1, 2, 3, 4, 5, 6, 7, 8) + kBeside);
+      d = Lesser(d, __builtin_shufflevector(d, far, 2, 3, 4, 5, 6, 7, 8, 9) + 2 * kBeside);
+      d = Lesser(d, __builtin_shufflevector(d, far, 4, 5, 6, 7, 8, 9, 10, 11) + 4 * kBeside);
+      d = Lesser(d, falling + last);
+      StoreEight(d, row + x);
+      last = d[0];
     }
   }
 }
 
 // The first of several equal ones.
 bool DiscFinder::IsPeak(int x, int y) const {
-  const uint16_t own = At(x, y);
+  const int own = At(x, y);
   return own > At(x - 1, y - 1) && own > At(x, y - 1) && own > At(x + 1, y - 1) &&
          own > At(x - 1, y) && own >= At(x + 1, y) && own >= At(x - 1, y + 1) &&
          own >= At(x, y + 1) && own >= At(x + 1, y + 1);
 }
 
 bool DiscFinder::IsFree(int x, int y, double radius_px) const {
+  static const std::array<Eigen::Vector2d, kCircleDirections> kCircle = [] {
+    std::array<Eigen::Vector2d, kCircleDirections> unit;
+    for (size_t i = 0; i < unit.size(); ++i) {
+      const double angle = 2 * std::numbers::pi * static_cast<double>(i) / kCircleDirections;
+      unit[i] = {std::cos(angle), std::sin(angle)};
+    }
+    return unit;
+  }();
   const double reach = kCircleShare * radius_px + kCirclePx;
   int inside = 0;
-  for (int i = 0; i < kCircleDirections; ++i) {
-    const double angle = 2 * std::numbers::pi * i / kCircleDirections;
-    const int u = x + static_cast<int>(std::lround(reach * std::cos(angle)));
-    const int v = y + static_cast<int>(std::lround(reach * std::sin(angle)));
+  for (const Eigen::Vector2d& unit : kCircle) {
+    const int u = x + static_cast<int>(std::lround(reach * unit.x()));
+    const int v = y + static_cast<int>(std::lround(reach * unit.y()));
     if (u < 1 || v < 1 || u > box_.width || v > box_.height) continue;
     inside += At(u, v) > 0 ? 1 : 0;
   }
@@ -100,9 +144,42 @@ void DiscFinder::FillHoles(int most_px) {
       continue;
     }
     for (int y = hole.min_y; y <= hole.max_y; ++y) {
-      uint16_t* const row = &distance_[static_cast<size_t>((y - box_.y + 1) * stride_ + 1)];
-      for (int x = hole.min_x - box_.x; x <= hole.max_x - box_.x; ++x) row[x] = UINT16_MAX;
+      int16_t* const row = &distance_[static_cast<size_t>((y - box_.y + 1) * stride_ + 1)];
+      std::fill(row + hole.min_x - box_.x, row + hole.max_x - box_.x + 1, int16_t{-1});
     }
+  }
+}
+
+void DiscFinder::ReadMask(const ImageView& image, const BlobFinder& finder) {
+  stride_ = (box_.width + kEight - 1) / kEight * kEight + 2;
+  distance_.assign(static_cast<size_t>(stride_) * static_cast<size_t>(box_.height + 2), 0);
+  const int first_word = box_.x / kMaskWordBits, first_bit = box_.x % kMaskWordBits;
+  const int word_count = (box_.x + box_.width - 1) / kMaskWordBits - first_word + 1;
+  words_.resize(static_cast<size_t>(word_count) + 1);
+  holes_.Start(word_count);
+  const int last_column = box_.x + box_.width - 1;
+  const uint64_t first_bits = ~uint64_t{0} << first_bit;
+  const uint64_t last_bits = ~uint64_t{0} >> (kMaskWordBits - 1 - last_column % kMaskWordBits);
+  const Eight bits = {1, 2, 4, 8, 16, 32, 64, 128};
+  for (int y = 0; y < box_.height; ++y) {
+    if (!finder.MaskRow(image, box_.y + y, first_word, word_count, words_.data())) {
+      std::fill(words_.begin(), words_.end(), 0);
+    }
+    words_[static_cast<size_t>(word_count) - 1] &= last_bits;
+    words_[static_cast<size_t>(word_count)] = 0;
+    int16_t* const row = &distance_[static_cast<size_t>((y + 1) * stride_ + 1)];
+    for (int x = 0; x < box_.width; x += kEight) {
+      const int at = first_bit + x, shift = at % kMaskWordBits;
+      const uint64_t* const word = &words_[static_cast<size_t>(at / kMaskWordBits)];
+      uint64_t eight = word[0] >> shift;
+      if (shift > kMaskWordBits - kEight) eight |= word[1] << (kMaskWordBits - shift);
+      if ((eight & 255) == 0) continue;
+      StoreEight((Eight)(((Eight{} + static_cast<int16_t>(eight & 255)) & bits) != 0), row + x);
+    }
+    for (uint64_t& word : words_) word = ~word;
+    words_.front() &= first_bits;
+    words_[static_cast<size_t>(word_count) - 1] &= last_bits;
+    holes_.AddRow(box_.y + y, first_word * kMaskWordBits, words_.data(), word_count);
   }
 }
 
@@ -111,47 +188,27 @@ const std::vector<Blob>& DiscFinder::Find(const ImageView& image, const BlobFind
   discs_.clear();
   box_ = blob.box;
   if (box_.empty()) return discs_;
-  stride_ = box_.width + 2;
-  distance_.assign(static_cast<size_t>(stride_) * static_cast<size_t>(box_.height + 2), 0);
-  const int first_word = box_.x / kMaskWordBits;
-  const int word_count = (box_.x + box_.width - 1) / kMaskWordBits - first_word + 1;
-  words_.resize(static_cast<size_t>(word_count));
-  holes_.Start(word_count);
-  const int last_column = box_.x + box_.width - 1;
-  const uint64_t first_bits = ~uint64_t{0} << (box_.x % kMaskWordBits);
-  const uint64_t last_bits = ~uint64_t{0} >> (kMaskWordBits - 1 - last_column % kMaskWordBits);
-  const auto add_holes = [&](int y) {
-    for (uint64_t& word : words_) word = ~word;
-    words_.front() &= first_bits;
-    words_.back() &= last_bits;
-    holes_.AddRow(box_.y + y, first_word * kMaskWordBits, words_.data(), word_count);
-  };
-  for (int y = 0; y < box_.height; ++y) {
-    if (!finder.MaskRow(image, box_.y + y, first_word, word_count, words_.data())) {
-      std::fill(words_.begin(), words_.end(), 0);
-      add_holes(y);
-      continue;
-    }
-    uint16_t* const row = &distance_[static_cast<size_t>((y + 1) * stride_ + 1)];
-    for (int x = 0; x < box_.width; ++x) {
-      const int column = box_.x + x - first_word * kMaskWordBits;
-      const uint64_t word = words_[static_cast<size_t>(column / kMaskWordBits)];
-      row[x] = (word >> (column % kMaskWordBits) & 1) != 0 ? UINT16_MAX : 0;
-    }
-    add_holes(y);
-  }
+  ReadMask(image, finder);
   FillHoles(std::min(blob.area_px / kHolePart, kMostHolePx));
   MeasureDistances();
   for (int y = 1; y <= box_.height; ++y) {
-    const uint16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
-    for (int x = 1; x <= box_.width; ++x) {
-      if (row[x] < kLeastPeak || row[x] <= row[x - 1] || !IsPeak(x, y)) continue;
-      const double radius_px = At(x, y) / 3.0 - 0.5;
-      Blob disc;
-      if (!IsFree(x, y, radius_px) || !Cut(image, x, y, radius_px, &disc)) continue;
-      if (disc.area_px < min_area_px) continue;
-      discs_.push_back(disc);
-      if (discs_.size() >= kMaxDiscs) return discs_;
+    const int16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
+    for (int first = 1; first <= box_.width; first += kEight) {
+      const int16_t* const at = row + first;
+      const Eight own = LoadEight(at);
+      if (!Any((own > LoadEight(at - 1)) & (own >= LoadEight(at + 1)) &
+               (own > LoadEight(at - stride_)) & (own >= LoadEight(at + stride_)))) {
+        continue;
+      }
+      for (int x = first; x < std::min(first + kEight, box_.width + 1); ++x) {
+        if (row[x] < kLeastPeak || !IsPeak(x, y)) continue;
+        const double radius_px = At(x, y) / 3.0 - 0.5;
+        Blob disc;
+        if (!IsFree(x, y, radius_px) || !Cut(image, x, y, radius_px, &disc)) continue;
+        if (disc.area_px < min_area_px) continue;
+        discs_.push_back(disc);
+        if (discs_.size() >= kMaxDiscs) return discs_;
+      }
     }
   }
   return discs_;

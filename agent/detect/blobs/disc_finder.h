@@ -20,17 +20,19 @@ class DiscFinder {
                                 int min_area_px);
 
  private:
+  // Sets distance_ to all bits where the mask is.
+  void ReadMask(const ImageView& image, const BlobFinder& finder);
   // Those of at most `most_px`.
   void FillHoles(int most_px);
   void MeasureDistances();
-  uint16_t At(int x, int y) const { return distance_[static_cast<size_t>(y * stride_ + x)]; }
+  int16_t At(int x, int y) const { return distance_[static_cast<size_t>(y * stride_ + x)]; }
   bool IsPeak(int x, int y) const;
   bool IsFree(int x, int y, double radius_px) const;
   bool Cut(const ImageView& image, int x, int y, double radius_px, Blob* disc) const;
 
   PixelRect box_;
-  int stride_ = 0;                  // of distance_: the box with a pixel of nothing around it
-  std::vector<uint16_t> distance_;  // to the next pixel outside, in thirds of a pixel
+  int stride_ = 0;  // of distance_: whole groups of pixels, with one of nothing before and behind
+  std::vector<int16_t> distance_;  // to the next pixel outside, in thirds of a pixel
   std::vector<uint64_t> words_;
   RunLabeller holes_;  // of what is not in the mask
   std::vector<Blob> discs_;

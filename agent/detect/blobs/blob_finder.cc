@@ -59,7 +59,18 @@ absl::StatusOr<BlobFinder> BlobFinder::Create(BlobFinderOptions options, const M
   return BlobFinder(options, *masker);
 }
 
-const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
+const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window,
+                                   const BrightWords* bright) {
+  return Search(image, window, bright, nullptr);
+}
+
+const BlobResult& BlobFinder::Look(const ImageView& image, BrightWords* bright) {
+  bright->Start((image.width + kMaskWordBits - 1) / kMaskWordBits, image.height);
+  return Search(image, image.Bounds(), nullptr, bright);
+}
+
+const BlobResult& BlobFinder::Search(const ImageView& image, const PixelRect& window,
+                                     const BrightWords* known, BrightWords* noted) {
   result_.blobs.clear();
   result_.over_limit = 0;
   result_.passed_px = 0;
@@ -68,24 +79,42 @@ const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
   result_.row_count = 0;
   const PixelRect inside = Clip(window, image);
   if (image.data == nullptr || inside.empty()) return result_;
-  LabelRows(image, inside);
+  LabelRows(image, inside, known, noted);
   KeepBlobs(image, labeller_.Finish());
   return result_;
 }
 
 bool BlobFinder::MaskRow(const ImageView& image, int y, int first_word, int word_count,
-                         uint64_t* words) const {
-  if (masker_.MaskRow(image, y, first_word, word_count, words) == 0) return false;
+                         uint64_t* words, const BrightWords* bright) const {
+  uint64_t all = 0;
+  if (bright == nullptr) {
+    all = masker_.MaskRow(image, y, first_word, word_count, words);
+  } else {
+    const int end = first_word + word_count;
+    std::fill_n(words, word_count, uint64_t{0});
+    for (int i = first_word; (i = bright->Next(y, i, end, true)) < end;) {
+      const int next = bright->Next(y, i, end, false);
+      all |= masker_.MaskRow(image, y, i, next - i, words + (i - first_word));
+      i = next;
+    }
+  }
+  if (all == 0) return false;
+  Ignore(image, y, first_word, word_count, words);
+  return true;
+}
+
+void BlobFinder::Ignore(const ImageView& image, int y, int first_word, int word_count,
+                        uint64_t* words) const {
   if (y < ignored_.height()) {
     const int ignored_words = std::min(word_count, ignored_.words_per_row() - first_word);
     const uint64_t* ignored = ignored_.Row(y) + first_word;
     for (int i = 0; i < ignored_words; ++i) words[i] &= ~ignored[i];
   }
   if (background_ != nullptr) background_->Remove(image, y, first_word, word_count, words);
-  return true;
 }
 
-void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window) {
+void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window,
+                           const BrightWords* known, BrightWords* noted) {
   const int first_word = window.x / kMaskWordBits;
   const int last_column = window.x + window.width - 1;
   const int word_count = last_column / kMaskWordBits - first_word + 1;
@@ -96,13 +125,21 @@ void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window) {
   for (int y = window.y; y < window.y + window.height; ++y) {
     uint64_t* words = words_.data();
     ++result_.row_count;
-    if (!MaskRow(image, y, first_word, word_count, words)) continue;
+    if (noted != nullptr) {
+      uint8_t* const bright = noted->MutableRow(y);
+      if (masker_.MaskRow(image, y, first_word, word_count, words, bright) == 0) continue;
+      Ignore(image, y, first_word, word_count, words);
+    } else if (!MaskRow(image, y, first_word, word_count, words, known)) {
+      continue;
+    }
     words[0] &= first_bits;
     words[word_count - 1] &= last_bits;
     labeller_.AddRow(y, first_word * kMaskWordBits, words, word_count);
     result_.run_count = labeller_.run_count();
     result_.cut_short = result_.run_count > options_.max_runs;
-    if (result_.cut_short) return;
+    if (!result_.cut_short) continue;
+    if (noted != nullptr) noted->AssumeFrom(y + 1);
+    return;
   }
 }
 

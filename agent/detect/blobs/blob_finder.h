@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/detect/blobs/bright_words.h"
 #include "agent/detect/blobs/colour_masker.h"
 #include "agent/detect/blobs/run_labeller.h"
 #include "agent/detect/blobs/static_background.h"
@@ -63,20 +64,30 @@ class BlobFinder {
   void SetBackground(StaticBackground* background) { background_ = background; }
 
   // The blobs of an image, or of its part inside `window`; pixels outside are as if they were
-  // black. The result is valid until the next call. An image without pixels has no blobs.
-  const BlobResult& Find(const ImageView& image, PixelRect window);
+  // black. The result is valid until the next call. An image without pixels has no blobs. `bright`,
+  // if not null: of this image, noted by a finder whose `value_min` is no higher.
+  const BlobResult& Find(const ImageView& image, PixelRect window,
+                         const BrightWords* bright = nullptr);
   const BlobResult& Find(const ImageView& image) { return Find(image, image.Bounds()); }
-  const BlobResult& result() const { return result_; }  // of the last Find
+  // The blobs of an image; notes which words are bright.
+  const BlobResult& Look(const ImageView& image, BrightWords* bright);
+  const BlobResult& result() const { return result_; }  // of the last Find or Look
 
   // The pixels of a row that may belong to a blob, as ColourMasker::MaskRow gives them; false:
-  // none.
-  bool MaskRow(const ImageView& image, int y, int first_word, int word_count,
-               uint64_t* words) const;
+  // none. `bright` as for Find.
+  bool MaskRow(const ImageView& image, int y, int first_word, int word_count, uint64_t* words,
+               const BrightWords* bright = nullptr) const;
 
  private:
   BlobFinder(BlobFinderOptions options, ColourMasker masker) : options_(options), masker_(masker) {}
 
-  void LabelRows(const ImageView& image, const PixelRect& window);
+  // `known` is what may be bright; `noted` is filled. Either may be null.
+  const BlobResult& Search(const ImageView& image, const PixelRect& window,
+                           const BrightWords* known, BrightWords* noted);
+  void LabelRows(const ImageView& image, const PixelRect& window, const BrightWords* known,
+                 BrightWords* noted);
+  // Without what is ignored.
+  void Ignore(const ImageView& image, int y, int first_word, int word_count, uint64_t* words) const;
   void KeepBlobs(const ImageView& image, const std::vector<ComponentSums>& components);
 
   BlobFinderOptions options_;

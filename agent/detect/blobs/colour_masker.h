@@ -21,9 +21,10 @@ class ColourMasker {
                                              const MaskKernel& kernel = BestMaskKernel());
 
   // Bits of columns [64 * first_word, 64 * (first_word + word_count)) of row y, 0 past the last
-  // column. Returns all words or-ed together. Nothing before or after the row is read.
-  uint64_t MaskRow(const ImageView& image, int y, int first_word, int word_count,
-                   uint64_t* words) const;
+  // column. Returns all words or-ed together. Nothing before or after the row is read. `bright`, if
+  // not null, becomes 1 for words in which any channel of any pixel is as bright as `value_min`.
+  uint64_t MaskRow(const ImageView& image, int y, int first_word, int word_count, uint64_t* words,
+                   uint8_t* bright = nullptr) const;
 
  private:
   ColourMasker(const IntegerColourRange& range, const MaskKernel& kernel)

@@ -150,7 +150,8 @@ void DiscFinder::FillHoles(int most_px) {
   }
 }
 
-void DiscFinder::ReadMask(const ImageView& image, const BlobFinder& finder) {
+void DiscFinder::ReadMask(const ImageView& image, const BlobFinder& finder,
+                          const BrightWords* bright) {
   stride_ = (box_.width + kEight - 1) / kEight * kEight + 2;
   distance_.assign(static_cast<size_t>(stride_) * static_cast<size_t>(box_.height + 2), 0);
   const int first_word = box_.x / kMaskWordBits, first_bit = box_.x % kMaskWordBits;
@@ -162,7 +163,7 @@ void DiscFinder::ReadMask(const ImageView& image, const BlobFinder& finder) {
   const uint64_t last_bits = ~uint64_t{0} >> (kMaskWordBits - 1 - last_column % kMaskWordBits);
   const Eight bits = {1, 2, 4, 8, 16, 32, 64, 128};
   for (int y = 0; y < box_.height; ++y) {
-    if (!finder.MaskRow(image, box_.y + y, first_word, word_count, words_.data())) {
+    if (!finder.MaskRow(image, box_.y + y, first_word, word_count, words_.data(), bright)) {
       std::fill(words_.begin(), words_.end(), 0);
     }
     words_[static_cast<size_t>(word_count) - 1] &= last_bits;
@@ -184,11 +185,12 @@ void DiscFinder::ReadMask(const ImageView& image, const BlobFinder& finder) {
 }
 
 const std::vector<Blob>& DiscFinder::Find(const ImageView& image, const BlobFinder& finder,
-                                          const Blob& blob, int min_area_px) {
+                                          const Blob& blob, int min_area_px,
+                                          const BrightWords* bright) {
   discs_.clear();
   box_ = blob.box;
   if (box_.empty()) return discs_;
-  ReadMask(image, finder);
+  ReadMask(image, finder, bright);
   FillHoles(std::min(blob.area_px / kHolePart, kMostHolePx));
   MeasureDistances();
   for (int y = 1; y <= box_.height; ++y) {

@@ -15,13 +15,14 @@ namespace rigcal::agent {
 class DiscFinder {
  public:
   // Of the pixels that `finder` takes in the box of `blob`. The pixels of a disc have at least
-  // `min_area_px`; a disc that is all of the blob is found too. Valid until the next call.
+  // `min_area_px`; a disc that is all of the blob is found too. `bright` as for BlobFinder::Find.
+  // Valid until the next call.
   const std::vector<Blob>& Find(const ImageView& image, const BlobFinder& finder, const Blob& blob,
-                                int min_area_px);
+                                int min_area_px, const BrightWords* bright = nullptr);
 
  private:
   // Sets distance_ to all bits where the mask is.
-  void ReadMask(const ImageView& image, const BlobFinder& finder);
+  void ReadMask(const ImageView& image, const BlobFinder& finder, const BrightWords* bright);
   // Those of at most `most_px`.
   void FillHoles(int most_px);
   void MeasureDistances();

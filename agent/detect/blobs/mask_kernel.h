@@ -21,6 +21,10 @@ struct MaskKernel {
                   int word_count, uint64_t* words);
   uint64_t (*mono)(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
                    int word_count, uint64_t* words);
+  // The same as `bgr`; sets `bright` of a word to 1 if any channel of any pixel is above
+  // range.value_below.
+  uint64_t (*bgr_noting)(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
+                         int word_count, uint64_t* words, uint8_t* bright);
 };
 
 // The fastest that this CPU can run; all that it can run, the portable one first.

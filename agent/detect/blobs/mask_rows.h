@@ -79,16 +79,33 @@ RIGCAL_INLINE void Prefetch(const uint8_t* bytes, ptrdiff_t ahead, int count) {
 }
 
 // A block's pixels are first tested together, channels mixed, whether any is bright enough.
-inline uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
-                        int word_count, uint64_t* words) {
+template <bool kNotes>
+RIGCAL_INLINE uint64_t MaskBgrRow(const IntegerColourRange& range, const uint8_t* pixels,
+                                  ptrdiff_t next_row, int word_count, uint64_t* words,
+                                  uint8_t* bright) {
   const Bytes below = Spread(range.value_below);
   uint64_t all = 0;
   for (int i = 0; i < word_count; ++i, pixels += 3 * kBlock) {
     Prefetch(pixels, next_row, 3 * kBlock);
-    words[i] = AnyAbove(Largest<3>(pixels), below) ? MaskBlock(range, pixels) : 0;
+    const bool is_bright = AnyAbove(Largest<3>(pixels), below);
+    words[i] = 0;
+    if (!is_bright) continue;
+    if (kNotes) bright[i] = 1;
+    words[i] = MaskBlock(range, pixels);
     all |= words[i];
   }
   return all;
+}
+
+inline uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
+                        int word_count, uint64_t* words) {
+  return MaskBgrRow<false>(range, pixels, next_row, word_count, words, nullptr);
+}
+
+inline uint64_t MaskBgrNoting(const IntegerColourRange& range, const uint8_t* pixels,
+                              ptrdiff_t next_row, int word_count, uint64_t* words,
+                              uint8_t* bright) {
+  return MaskBgrRow<true>(range, pixels, next_row, word_count, words, bright);
 }
 
 inline uint64_t MaskMono(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
@@ -109,6 +126,6 @@ inline uint64_t MaskMono(const IntegerColourRange& range, const uint8_t* pixels,
 }
 
 extern const MaskKernel kKernel;
-const MaskKernel kKernel = {RIGCAL_KERNEL_NAME, &MaskBgr, &MaskMono};
+const MaskKernel kKernel = {RIGCAL_KERNEL_NAME, &MaskBgr, &MaskMono, &MaskBgrNoting};
 
 }  // namespace rigcal::agent::RIGCAL_KERNEL

@@ -152,7 +152,7 @@ void SpotFinder::BeginImage() {
 const BlobResult& SpotFinder::Look(const ImageView& image) {
   level_ = 0;
   looked_ = true;
-  return levels_[0].blobs.Find(image);
+  return levels_[0].blobs.Look(image, &bright_);
 }
 
 double SpotFinder::EstimatedMs() const {
@@ -238,7 +238,8 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
   spots_.clear();
   BlobFinder& finder = levels_[level_].blobs;
   const bool is_known = looked_ && level_ == 0 && part == image.Bounds();
-  const BlobResult& found = is_known ? finder.result() : finder.Find(image, part);
+  const BrightWords* const bright = looked_ ? &bright_ : nullptr;
+  const BlobResult& found = is_known ? finder.result() : finder.Find(image, part, bright);
   runs_ += found.run_count;
   searches_ += found.row_count == image.height ? 1 : 0;
   const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
@@ -263,7 +264,7 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
     }
     masked_px_left_ -= box_px(*blob);
     if (kLevels[level_].white) {
-      for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box).blobs) {
+      for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box, bright).blobs) {
         if (coloured.area_px < blob->area_px && IsRound(coloured)) {
           Keep(image, coloured, is_cut(*blob));
         }
@@ -274,7 +275,7 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
       continue;
     }
     split_px_left_ -= box_px(*blob);
-    for (const Blob& disc : discs_.Find(image, finder, *blob, min_area_px_)) {
+    for (const Blob& disc : discs_.Find(image, finder, *blob, min_area_px_, bright)) {
       Keep(image, disc, is_cut(*blob));
     }
     for (const Blob& piece : splitter_.Split(image, *blob, min_area_px_)) {

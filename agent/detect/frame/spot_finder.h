@@ -98,6 +98,7 @@ class SpotFinder {
   std::vector<Spot> spots_;
   double least_doubt_left_ = std::numeric_limits<double>::infinity();
   bool looked_ = false;  // at this image
+  BrightWords bright_;   // of it, if so, in the widest level
   int64_t masked_px_left_ = 0, split_px_left_ = 0;
   // In all levels: runs of pixels, searches of the whole image, blobs that were looked at, spots.
   int64_t runs_ = 0;

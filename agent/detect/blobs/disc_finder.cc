@@ -7,6 +7,10 @@
 #include <cstring>
 #include <numbers>
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 namespace rigcal::agent {
 namespace {
 
@@ -35,6 +39,29 @@ void StoreEight(Eight eight, int16_t* to) { std::memcpy(to, &eight, sizeof(eight
 
 Eight Lesser(Eight a, Eight b) { return a < b ? a : b; }
 
+// Each becomes the one that is kBy before it, or behind it; 0 where there is none.
+#if defined(__SSE2__)  // gcc 12 does not find these instructions
+template <int kBy>
+Eight Raised(Eight a) {
+  return (Eight)_mm_slli_si128((__m128i)a, 2 * kBy);
+}
+template <int kBy>
+Eight Lowered(Eight a) {
+  return (Eight)_mm_srli_si128((__m128i)a, 2 * kBy);
+}
+#else
+template <int kBy>
+Eight Raised(Eight a) {
+  constexpr int k = kEight - kBy;
+  return __builtin_shufflevector(Eight{}, a, k, k + 1, k + 2, k + 3, k + 4, k + 5, k + 6, k + 7);
+}
+template <int kBy>
+Eight Lowered(Eight a) {
+  constexpr int k = kBy;
+  return __builtin_shufflevector(a, Eight{}, k, k + 1, k + 2, k + 3, k + 4, k + 5, k + 6, k + 7);
+}
+#endif
+
 bool Any(Eight truths) {
   uint64_t halves[2];
   std::memcpy(halves, &truths, sizeof(truths));
@@ -50,36 +77,40 @@ void DiscFinder::MeasureDistances() {
     return Lesser(LoadEight(beside) + kBeside,
                   Lesser(LoadEight(beside - 1), LoadEight(beside + 1)) + kDiagonal);
   };
-  const Eight far = Eight{} + kFar;
-  const Eight rising = {kBeside,     2 * kBeside, 3 * kBeside, 4 * kBeside,
-                        5 * kBeside, 6 * kBeside, 7 * kBeside, 8 * kBeside};
-  const Eight falling = __builtin_shufflevector(rising, rising, 7, 6, 5, 4, 3, 2, 1, 0);
+  constexpr int16_t kOne = kBeside, kTwo = 2 * kBeside, kFour = 4 * kBeside;
+  // What comes from the pixels before; where there is none in these eight, it is far.
+  const Eight ones = {kFar, kOne, kOne, kOne, kOne, kOne, kOne, kOne};
+  const Eight twos = {kFar, kFar, kTwo, kTwo, kTwo, kTwo, kTwo, kTwo};
+  const Eight fours = {kFar, kFar, kFar, kFar, kFour, kFour, kFour, kFour};
+  const Eight rising = {kOne, 2 * kOne, 3 * kOne, 4 * kOne, 5 * kOne, 6 * kOne, 7 * kOne, 8 * kOne};
   for (int y = 1; y <= box_.height; ++y) {
     int16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
-    int16_t last = 0;
+    Eight last = {};
     for (int x = 1; x <= box_.width; x += kEight) {
       Eight d = LoadEight(row + x) & nearest(row + x - stride_);
-      d = Lesser(d, __builtin_shufflevector(far, d, 7, 8, 9, 10, 11, 12, 13, 14) + kBeside);
-      d = Lesser(d, __builtin_shufflevector(far, d, 6, 7, 8, 9, 10, 11, 12, 13) + 2 * kBeside);
-      d = Lesser(d, __builtin_shufflevector(far, d, 4, 5, 6, 7, 8, 9, 10, 11) + 4 * kBeside);
-      d = Lesser(d, rising + last);
+      d = Lesser(d, Raised<1>(d) + ones);
+      d = Lesser(d, Raised<2>(d) + twos);
+      d = Lesser(d, Raised<4>(d) + fours);
+      d = Lesser(d, last + rising);
       StoreEight(d, row + x);
-      last = d[kEight - 1];
+      last = __builtin_shufflevector(d, d, 7, 7, 7, 7, 7, 7, 7, 7);
     }
   }
+  const auto turned = [](Eight a) { return __builtin_shufflevector(a, a, 7, 6, 5, 4, 3, 2, 1, 0); };
+  const Eight ones_back = turned(ones), twos_back = turned(twos), fours_back = turned(fours);
+  const Eight falling = turned(rising);
   for (int y = box_.height; y >= 1; --y) {
     int16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
-    int16_t last = 0;
+    Eight last = {};
     for (int x = stride_ - 1 - kEight; x >= 1; x -= kEight) {
-      // What is 0 stays so, and is no more than what is near.
-      Eight d = LoadEight(row + x);
-      d = Lesser(d, nearest(row + x + stride_));
-      d = Lesser(d, __builtin_shufflevector(d, far, 1, 2, 3, 4, 5, 6, 7, 8) + kBeside);
-      d = Lesser(d, __builtin_shufflevector(d, far, 2, 3, 4, 5, 6, 7, 8, 9) + 2 * kBeside);
-      d = Lesser(d, __builtin_shufflevector(d, far, 4, 5, 6, 7, 8, 9, 10, 11) + 4 * kBeside);
-      d = Lesser(d, falling + last);
+      // What is 0 stays so: nothing is less.
+      Eight d = Lesser(LoadEight(row + x), nearest(row + x + stride_));
+      d = Lesser(d, Lowered<1>(d) + ones_back);
+      d = Lesser(d, Lowered<2>(d) + twos_back);
+      d = Lesser(d, Lowered<4>(d) + fours_back);
+      d = Lesser(d, last + falling);
       StoreEight(d, row + x);
-      last = d[0];
+      last = __builtin_shufflevector(d, d, 0, 0, 0, 0, 0, 0, 0, 0);
     }
   }
 }

@@ -188,6 +188,16 @@ TEST(SphereOutlineFitter, RefusesNothingAndHalfADisc) {
   }
 }
 
+TEST(OutlineRows, SectorsAreEvenlyWide) {
+  for (int i = 0; i < 1600; ++i) {
+    const double turn = (i + 0.5) / 1600;
+    const double angle = 2 * std::numbers::pi * (turn - 0.5);
+    ASSERT_EQ(OutlineSector(3 * std::cos(angle), 3 * std::sin(angle)),
+              static_cast<size_t>(turn * kOutlineSectors))
+        << i;
+  }
+}
+
 void ExpectSlopesOfTheModel(bool white_light) {
   OutlinePixels pixels = Disc({0, 0}, 5, 0, 1);
   for (size_t i = 0; i < pixels.size(); i += 2) pixels.white[i] = 2.5f;
@@ -214,6 +224,63 @@ void ExpectSlopesOfTheModel(bool white_light) {
     }
     // How the outline's normal turns is left out of the slopes.
     EXPECT_LT(std::sqrt(error / all), 0.05) << p;
+  }
+}
+
+TEST(OutlineRows, TheEdgeAloneIsTheSame) {
+  const OutlinePixels pixels = Disc({0, 0}, 5, 0, 1);
+  std::array<float, kOutlineCount> parameters = {0.2f,  -0.3f, 4.3f, 0.01f, -0.01f, 0.6f,
+                                                 0.1f,  -0.1f, 1.0f, 0.2f,  -0.1f,  0.1f,
+                                                 0.05f, -0.2f, 0.1f, 0.2f,  0.2f};
+  for (const bool white_light : {false, true}) {
+    OutlineRows all, edge;
+    all.Model(pixels, parameters.data(), white_light);
+    edge.ModelEdge(pixels, parameters.data(), white_light);
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      ASSERT_EQ(all.value(i), edge.value(i));
+      ASSERT_EQ(all.slope(kOutlineRadius, i), edge.slope(kOutlineRadius, i));
+    }
+  }
+}
+
+TEST(OutlineRows, SumsAllProducts) {
+  OutlinePixels pixels = Disc({0, 0}, 9, 0, 1);
+  std::array<float, kOutlineCount> parameters = {0.2f,  -0.3f, 8.3f, 0.01f, -0.01f, 0.6f,
+                                                 0.1f,  -0.1f, 1.0f, 0.2f,  -0.1f,  0.1f,
+                                                 0.05f, -0.2f, 0.1f, 0.2f,  0.2f};
+  std::vector<float> weight, residual;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    weight.push_back(0.1f * static_cast<float>(i % 11));
+    residual.push_back(0.01f * static_cast<float>(i % 17) - 0.08f);
+  }
+  for (const bool white_light : {false, true}) {
+    OutlineRows rows;
+    rows.Model(pixels, parameters.data(), white_light);
+    std::array<float, kOutlineCount * kOutlineCount> products{};
+    std::array<float, kOutlineCount> gradient{};
+    rows.Sum(weight, residual, products.data(), gradient.data());
+    const auto sum = [&](int i, const auto& other) {
+      double total = 0, size = 0;
+      for (size_t k = 0; k < pixels.size(); ++k) {
+        const double one =
+            static_cast<double>(weight[k] * rows.slope(static_cast<OutlineParameter>(i), k)) *
+            static_cast<double>(other(k));
+        total += one;
+        size += std::abs(one);
+      }
+      return std::pair(total, 1e-5 * size + 1e-9);
+    };
+    for (int i = 0; i < (white_light ? kOutlineCount : kOutlineOwnX); ++i) {
+      const auto [total, error] = sum(i, [&](size_t k) { return residual[k]; });
+      ASSERT_NEAR(static_cast<double>(gradient[static_cast<size_t>(i)]), total, error) << i;
+      for (int j = 0; j <= i; ++j) {
+        const auto [product, its_error] =
+            sum(i, [&](size_t k) { return rows.slope(static_cast<OutlineParameter>(j), k); });
+        ASSERT_NEAR(static_cast<double>(products[static_cast<size_t>(i * kOutlineCount + j)]),
+                    product, its_error)
+            << i << " " << j;
+      }
+    }
   }
 }
 

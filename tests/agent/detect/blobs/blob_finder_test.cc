@@ -143,6 +143,40 @@ TEST(BlobFinder, FindsWhatFloodingFinds) {
 }
 
 // Pixels beside the window must not leak in, wherever its edges fall within the words.
+// A second finder that reads only the words that the first one noted finds what it would find
+// alone.
+TEST(BlobFinder, ReadsOnlyWhatIsBright) {
+  BlobFinderOptions options = TakesAll(), brighter = TakesAll();
+  brighter.colour.value_min = 150;
+  ASSERT_OK_AND_ASSIGN(BlobFinder first, BlobFinder::Create(options));
+  ASSERT_OK_AND_ASSIGN(BlobFinder second, BlobFinder::Create(brighter));
+  for (const int width : {3, 64, 150, 320}) {
+    Image image(width, 20);
+    for (const double share : {0.0, 0.001, 0.02, 0.5}) {
+      FillRandomly(7, share, &image);
+      BrightWords bright;
+      ExpectAsFlooded(image, image.View().Bounds(), options.colour,
+                      first.Look(image.View(), &bright));
+      for (const PixelRect& window : {image.View().Bounds(), PixelRect{1, 5, width / 2 + 1, 9}}) {
+        ExpectAsFlooded(image, window, brighter.colour, second.Find(image.View(), window, &bright));
+      }
+    }
+  }
+}
+
+TEST(BlobFinder, AssumesThatWhatItDidNotReachIsBright) {
+  BlobFinderOptions options = TakesAll(), few = TakesAll();
+  few.max_runs = 3;
+  ASSERT_OK_AND_ASSIGN(BlobFinder all, BlobFinder::Create(options));
+  ASSERT_OK_AND_ASSIGN(BlobFinder first, BlobFinder::Create(few));
+  Image image(320, 20);
+  FillRandomly(8, 0.5, &image);
+  BrightWords bright;
+  ASSERT_TRUE(first.Look(image.View(), &bright).cut_short);
+  ExpectAsFlooded(image, image.View().Bounds(), options.colour,
+                  all.Find(image.View(), image.View().Bounds(), &bright));
+}
+
 TEST(BlobFinder, SearchesWindowsAtEveryPlace) {
   ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(TakesAll()));
   Image image(150, 6);

@@ -30,6 +30,16 @@ void ExpectSame(const IntegerColourRange& range, const std::vector<uint8_t>& pix
     const auto mask = colour ? kernel->bgr : kernel->mono;
     ASSERT_EQ(mask(range, pixels.data(), 500, kWords, words.data()), expected_all) << kernel->name;
     ASSERT_EQ(words, expected) << kernel->name;
+    if (!colour) continue;
+    std::vector<uint8_t> bright(kWords), expected_bright(kWords);
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      if (pixels[i] > range.value_below) expected_bright[i / (3 * 64)] = 1;
+    }
+    ASSERT_EQ(kernel->bgr_noting(range, pixels.data(), 500, kWords, words.data(), bright.data()),
+              expected_all)
+        << kernel->name;
+    ASSERT_EQ(words, expected) << kernel->name;
+    ASSERT_EQ(bright, expected_bright) << kernel->name;
   }
 }
 

@@ -68,7 +68,7 @@ absl::StatusOr<TrajectorySummary> AdjustTrajectory(const BundleOptions& options,
     const double gain = (last_cost - system.cost()) / std::max(system.cost(), 1e-300);
     if (!sigmas_settled && gain < kSettledCost) {
       system.PreparePathCovariance();
-      const TrajectorySystem::Freedom freedom = system.MeasureFreedom();
+      const PathFreedom freedom = system.MeasureFreedom();
       std::vector<double> norms = UsedNorms(*problem);
       const double numbers = 2 * static_cast<double>(norms.size());
       const double taken = freedom.values + system.layout().column_count();

@@ -6,27 +6,15 @@
 #include <cmath>
 #include <utility>
 
-#include "common/camera/camera_model.h"
+#include "server/solve/trajectory/marker_slopes.h"
+#include "server/solve/trajectory/trajectory_spline.h"
 
 namespace rigcal::server {
 namespace {
 
-// Keeps knots where they are that nothing reaches; nothing beside what one marker says.
-constexpr double kKnotHold = 1e-4;  // 1/m^2
-// The direction's length means nothing. Each knot's is held near one, by the sigma of the third
-// differences over this: a path whose length is free is smooth where the directions are not.
-constexpr double kLengthWeight = 4;
 constexpr int kMaxHalvings = 8;
 constexpr double kSameCentreM = 1e-9;
 constexpr double kFreedShare = 0.999;  // so that what is left stays positive definite
-
-// By component of a knot.
-double InverseSigma(const TrajectoryProblem& problem, Eigen::Index component) {
-  return 1 / (component < 3 ? problem.origin_sigma : problem.direction_sigma);
-}
-
-// Of numeric derivatives.
-constexpr double kKnotStep = 1e-6, kTimeStepS = 1e-6;
 
 // Rows and columns from `first` on.
 Eigen::MatrixXd LocalInverse(const BandedMatrix& inverse, Eigen::Index first, Eigen::Index count) {
@@ -59,125 +47,6 @@ double TrajectorySystem::Weight(const Eigen::Vector2d& residual) const {
   return 1 / (1 + residual.squaredNorm() / (options_.loss_scale * options_.loss_scale));
 }
 
-bool TrajectorySystem::Differentiate(size_t row, const BundleObservation& observation,
-                                     const BundleMarker& marker, MarkerSlopes* slopes) const {
-  const BundleProblem& rows = problem_.rows;
-  const TrajectorySpan& span = problem_.spans[static_cast<size_t>(problem_.span_of_row[row])];
-  slopes->weights = WeightsAt(span, problem_.TimeOf(observation, marker));
-  const TrajectoryPose pose = PoseAt(span, slopes->weights);
-  const double position_m = rows.target.marker_positions_m[static_cast<size_t>(marker.marker)];
-  const BundleCamera& camera = rows.CameraOf(observation);
-  const Eigen::Vector3d rotated =
-      camera.cam_from_rig.rotation * (pose.origin_m + position_m * pose.direction);
-  Eigen::Vector2d pixel;
-  Eigen::Matrix<double, 2, 3> d_point;
-  IntrinsicsJacobian d_intrinsics;
-  if (!Project(camera.model, camera.intrinsics.data(), rotated + camera.cam_from_rig.translation_m,
-               &pixel, &d_point, &d_intrinsics)) {
-    return false;
-  }
-  const Eigen::Matrix2d root = marker.sqrt_information;
-  slopes->residual = root * (pixel - Eigen::Vector2d(marker.centre_px));
-  d_point = root * d_point;
-  const Eigen::Matrix<double, 2, 3> d_rig =
-      d_point * camera.cam_from_rig.rotation.toRotationMatrix();
-  const Eigen::Matrix<double, 2, 3> d_direction = position_m * d_rig * pose.direction_by_spline;
-  slopes->knots.resize(2, 4 * span.size);
-  for (Eigen::Index k = 0; k < 4; ++k) {
-    slopes->knots.middleCols<3>(k * span.size) = slopes->weights.value[k] * d_rig;
-    if (span.has_direction()) {
-      slopes->knots.middleCols<3>(k * span.size + 3) = slopes->weights.value[k] * d_direction;
-    }
-  }
-  const Eigen::Vector2d d_time = d_rig * (pose.origin_m_s + position_m * pose.direction_s);
-  slopes->reduced.clear();
-  const KernelColumns& columns =
-      layout_
-          .columns[static_cast<size_t>(layout_.ViewIndex(observation.camera, observation.clock))];
-  if (columns.pose >= 0) {
-    for (int i = 0; i < 3; ++i) {
-      slopes->reduced.emplace_back(columns.pose + i,
-                                   d_point * Eigen::Vector3d::Unit(i).cross(rotated));
-      slopes->reduced.emplace_back(columns.pose + 3 + i, d_point.col(i));
-    }
-  }
-  for (int b = 0; b < columns.base_count; ++b) {
-    const int kind = columns.base_kind[b];
-    Eigen::Vector2d derivative;
-    if (kind == ViewUnknowns::kOffset) {
-      derivative = d_time;
-    } else if (kind == ViewUnknowns::kRate) {
-      derivative = observation.clock_time_s * d_time;
-    } else if (kind == ViewUnknowns::kLineDelay) {
-      derivative = (marker.centre_px.y() - camera.middle_row) * d_time;
-    } else {
-      derivative = root * d_intrinsics.col(kind - ViewUnknowns::kFirstIntrinsic);
-    }
-    slopes->reduced.emplace_back(columns.base_column[b], derivative);
-  }
-  if (layout_.spacing_column >= 0 && marker.marker > 0) {
-    slopes->reduced.emplace_back(layout_.spacing_column + marker.marker - 1,
-                                 d_rig * pose.direction);
-  }
-  return true;
-}
-
-void TrajectorySystem::AddPathPrior(size_t span_index, SpanSystem* system) const {
-  const TrajectorySpan& span = problem_.spans[span_index];
-  for (Eigen::Index i = 0; i < span.knots.size(); ++i) system->matrix(i, i) += kKnotHold;
-  for (Eigen::Index k = 0; k + 4 <= span.knot_count(); ++k) {
-    for (Eigen::Index c = 0; c < span.size; ++c) {
-      const double information = std::pow(InverseSigma(problem_, c), 2);
-      double difference = 0;
-      for (Eigen::Index a = 0; a < 4; ++a) {
-        difference += kThirdDifference[a] * span.knots[(k + a) * span.size + c];
-      }
-      for (Eigen::Index a = 0; a < 4; ++a) {
-        const Eigen::Index row = (k + a) * span.size + c;
-        system->gradient[row] += information * kThirdDifference[a] * difference;
-        for (Eigen::Index b = 0; b <= a; ++b) {
-          system->matrix(row, (k + b) * span.size + c) +=
-              information * kThirdDifference[a] * kThirdDifference[b];
-        }
-      }
-    }
-  }
-  if (!span.has_direction()) return;
-  const double weight = kLengthWeight / problem_.direction_sigma;
-  for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
-    const Eigen::Index first = k * span.size + 3;
-    const Eigen::Vector3d direction = span.knots.segment<3>(first);
-    const double residual = 0.5 * weight * (direction.squaredNorm() - 1);
-    for (Eigen::Index i = 0; i < 3; ++i) {
-      system->gradient[first + i] += weight * residual * direction[i];
-      for (Eigen::Index j = 0; j <= i; ++j) {
-        system->matrix(first + i, first + j) += weight * weight * direction[i] * direction[j];
-      }
-    }
-  }
-}
-
-double TrajectorySystem::PathCost() const {
-  double cost = 0;
-  for (const TrajectorySpan& span : problem_.spans) {
-    for (Eigen::Index k = 0; k + 4 <= span.knot_count(); ++k) {
-      for (Eigen::Index c = 0; c < span.size; ++c) {
-        double difference = 0;
-        for (Eigen::Index a = 0; a < 4; ++a) {
-          difference += kThirdDifference[a] * span.knots[(k + a) * span.size + c];
-        }
-        cost += 0.5 * std::pow(InverseSigma(problem_, c) * difference, 2);
-      }
-    }
-    if (!span.has_direction()) continue;
-    for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
-      const double square = span.knots.segment<3>(k * span.size + 3).squaredNorm();
-      cost += 0.5 * std::pow(0.5 * kLengthWeight / problem_.direction_sigma * (square - 1), 2);
-    }
-  }
-  return cost;
-}
-
 bool TrajectorySystem::DataCost(double* cost) const {
   *cost = 0;
   bool visible = true;
@@ -200,20 +69,13 @@ void TrajectorySystem::FreeScale() {
   // All lengths grow about the centre of the camera that is held.
   const auto held = std::ranges::find(rows.cameras, true, &BundleCamera::pose_fixed);
   if (held == rows.cameras.end() || held->cam_from_rig.translation_m.norm() > kSameCentreM) return;
-  double path = 0, counted = 0, square = 0;
-  for (size_t s = 0; s < problem_.spans.size(); ++s) {
+  const double path = PathPriorScalePull(problem_);
+  double counted = 0, square = 0;
+  for (size_t s = 0; s < count_gradient_of_knots_.size(); ++s) {
     const TrajectorySpan& span = problem_.spans[s];
     for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
       const Eigen::Index first = k * span.size;
-      if (!count_gradient_of_knots_.empty()) {
-        counted += count_gradient_of_knots_[s].segment<3>(first).dot(span.knots.segment<3>(first));
-      }
-      if (k + 4 > span.knot_count()) continue;
-      Eigen::Vector3d difference = Eigen::Vector3d::Zero();
-      for (Eigen::Index a = 0; a < 4; ++a) {
-        difference += kThirdDifference[a] * span.knots.segment<3>(first + a * span.size);
-      }
-      path += difference.squaredNorm() / (problem_.origin_sigma * problem_.origin_sigma);
+      counted += count_gradient_of_knots_[s].segment<3>(first).dot(span.knots.segment<3>(first));
     }
   }
   for (int i = 0; i < layout_.column_count(); ++i) {
@@ -254,7 +116,7 @@ bool TrajectorySystem::Linearise() {
   MarkerSlopes slopes;
   ForEachUsedMarkerOfRows(problem_, [&](size_t row, const BundleObservation& observation,
                                         const BundleMarker& marker) {
-    visible = visible && Differentiate(row, observation, marker, &slopes);
+    visible = visible && DifferentiateMarker(problem_, layout_, row, observation, marker, &slopes);
     if (!visible) return;
     const double weight = Weight(slopes.residual);
     const auto s = static_cast<size_t>(problem_.span_of_row[row]);
@@ -284,7 +146,7 @@ bool TrajectorySystem::Linearise() {
   FreeScale();
   for (size_t s = 0; s < systems_.size(); ++s) {
     SpanSystem& system = systems_[s];
-    AddPathPrior(s, &system);
+    AddPathPrior(problem_, s, &system.matrix, &system.gradient);
     if (!count_gradient_of_knots_.empty()) system.gradient += count_gradient_of_knots_[s];
     if (!system.matrix.Factor()) return false;
     system.matrix.SolveLower(system.border);
@@ -294,7 +156,7 @@ bool TrajectorySystem::Linearise() {
   }
   double data = 0;
   if (!DataCost(&data)) return false;
-  cost_ = data + PathCost() + estimate.PriorCost();
+  cost_ = data + PathPriorCost(problem_) + estimate.PriorCost();
   return true;
 }
 
@@ -334,7 +196,8 @@ bool TrajectorySystem::Step() {
     }
     double data = 0;
     if (DataCost(&data) &&
-        data + PathCost() + moved.PriorCost() + length * (counted - length * bent) < cost_) {
+        data + PathPriorCost(problem_) + moved.PriorCost() + length * (counted - length * bent) <
+            cost_) {
       return true;
     }
   }
@@ -343,42 +206,10 @@ bool TrajectorySystem::Step() {
   return false;
 }
 
-TrajectorySystem::Freedom TrajectorySystem::MeasureFreedom() const {
-  Freedom freedom;
+PathFreedom TrajectorySystem::MeasureFreedom() const {
+  PathFreedom freedom;
   for (size_t s = 0; s < systems_.size(); ++s) {
-    const TrajectorySpan& span = problem_.spans[s];
-    SpanSystem prior;
-    prior.matrix = BandedMatrix(span.knots.size(), 4 * span.size - 1);
-    prior.gradient = Eigen::VectorXd::Zero(span.knots.size());
-    AddPathPrior(s, &prior);
-    const BandedMatrix before = prior.matrix;
-    if (!prior.matrix.Factor()) continue;
-    const BandedMatrix without = prior.matrix.Inverse();
-    const BandedMatrix& with = systems_[s].inverse;
-    // tr(A^-1 P): what the prior decides.
-    for (Eigen::Index i = 0; i < span.knots.size(); ++i) {
-      freedom.values += 1;
-      for (Eigen::Index j = std::max<Eigen::Index>(0, i - before.bandwidth()); j <= i; ++j) {
-        freedom.values -= (i == j ? 1 : 2) * before(i, j) * with(i, j);
-      }
-    }
-    for (Eigen::Index k = 0; k + 4 <= span.knot_count(); ++k) {
-      for (Eigen::Index c = 0; c < span.size; ++c) {
-        double difference = 0, variance = 0;
-        for (Eigen::Index a = 0; a < 4; ++a) {
-          const Eigen::Index i = (k + a) * span.size + c;
-          difference += kThirdDifference[a] * span.knots[i];
-          for (Eigen::Index b = 0; b <= a; ++b) {
-            const Eigen::Index j = (k + b) * span.size + c;
-            variance += (a == b ? 1 : 2) * kThirdDifference[a] * kThirdDifference[b] *
-                        (without(i, j) - with(i, j));
-          }
-        }
-        const double by_data = variance * std::pow(InverseSigma(problem_, c), 2);
-        (c < 3 ? freedom.origin_by_data : freedom.direction_by_data) += by_data;
-        (c < 3 ? freedom.origin_square : freedom.direction_square) += difference * difference;
-      }
-    }
+    AddPathFreedom(problem_, s, systems_[s].inverse, &freedom);
   }
   return freedom;
 }
@@ -394,15 +225,15 @@ void TrajectorySystem::CountPaths(double variance, std::optional<double> scale_p
   Eigen::MatrixXd weighted;
   ForEachUsedMarkerOfRows(problem_, [&](size_t row, const BundleObservation& observation,
                                         const BundleMarker& marker) {
-    if (!Differentiate(row, observation, marker, &slopes)) return;
+    if (!DifferentiateMarker(problem_, layout_, row, observation, marker, &slopes)) return;
     const auto s = static_cast<size_t>(problem_.span_of_row[row]);
     const TrajectorySpan& span = problem_.spans[s];
     const Eigen::Index first = slopes.weights.first_knot * span.size, count = slopes.knots.cols();
     weighted = variance * Weight(slopes.residual) * slopes.knots *
                LocalInverse(systems_[s].inverse, first, count);
     // d (1/2 log det A) = sum of weight * tr(J A^-1 dJ^T) over the markers.
-    ForEachUnknownOf(observation, marker, [&](int column, double step) {
-      if (!Differentiate(row, observation, marker, &moved)) return;
+    ForEachUnknownOf(layout_, observation, marker, &problem_.rows, [&](int column, double step) {
+      if (!DifferentiateMarker(problem_, layout_, row, observation, marker, &moved)) return;
       const double change = weighted.cwiseProduct(moved.knots - slopes.knots).sum() / step;
       if (moved.weights.first_knot != slopes.weights.first_knot) return;  // as good as none
       count_gradient_[column] += change;
@@ -411,7 +242,7 @@ void TrajectorySystem::CountPaths(double variance, std::optional<double> scale_p
     for (Eigen::Index c = 0; c < span.size; ++c) {
       // A knot moves the path as the other three do, each by its weight.
       for (Eigen::Index k = 0; k < 4; ++k) knots[first + k * span.size + c] += kKnotStep;
-      if (Differentiate(row, observation, marker, &moved)) {
+      if (DifferentiateMarker(problem_, layout_, row, observation, marker, &moved)) {
         const double change = weighted.cwiseProduct(moved.knots - slopes.knots).sum() / kKnotStep;
         for (Eigen::Index k = 0; k < 4; ++k) {
           count_gradient_of_knots_[s][first + k * span.size + c] +=
@@ -421,50 +252,6 @@ void TrajectorySystem::CountPaths(double variance, std::optional<double> scale_p
       for (Eigen::Index k = 0; k < 4; ++k) knots[first + k * span.size + c] -= kKnotStep;
     }
   });
-}
-
-template <typename Function>
-void TrajectorySystem::ForEachUnknownOf(const BundleObservation& observation,
-                                        const BundleMarker& marker, const Function& function) {
-  BundleCamera& camera = problem_.rows.cameras[static_cast<size_t>(observation.camera)];
-  BundleClock& clock = problem_.rows.clocks[static_cast<size_t>(observation.clock)];
-  const KernelColumns& columns =
-      layout_
-          .columns[static_cast<size_t>(layout_.ViewIndex(observation.camera, observation.clock))];
-  const auto move = [&function](int column, double step, double* value) {
-    const double before = *value;
-    *value += step;
-    function(column, step);
-    *value = before;
-  };
-  if (columns.pose >= 0) {
-    for (int i = 0; i < 3; ++i) {
-      const Eigen::Quaterniond before = camera.cam_from_rig.rotation;
-      camera.cam_from_rig.rotation =
-          Eigen::Quaterniond(Eigen::AngleAxisd(kKnotStep, Eigen::Vector3d::Unit(i))) * before;
-      function(columns.pose + i, kKnotStep);
-      camera.cam_from_rig.rotation = before;
-      move(columns.pose + 3 + i, kKnotStep, &camera.cam_from_rig.translation_m[i]);
-    }
-  }
-  for (int b = 0; b < columns.base_count; ++b) {
-    const int kind = columns.base_kind[b], column = columns.base_column[b];
-    if (kind == ViewUnknowns::kOffset) {
-      move(column, kTimeStepS, &clock.time_offset_s);
-    } else if (kind == ViewUnknowns::kRate) {
-      move(column, kTimeStepS / std::max(1.0, std::abs(observation.clock_time_s)),
-           &clock.time_rate);
-    } else if (kind == ViewUnknowns::kLineDelay) {
-      move(column, kTimeStepS / camera.middle_row, &camera.line_delay_s);
-    } else {
-      double* const value = &camera.intrinsics[kind - ViewUnknowns::kFirstIntrinsic];
-      move(column, kKnotStep * std::max(1.0, std::abs(*value)), value);
-    }
-  }
-  if (layout_.spacing_column >= 0 && marker.marker > 0) {
-    move(layout_.spacing_column + marker.marker - 1, kKnotStep,
-         &problem_.rows.target.marker_positions_m[static_cast<size_t>(marker.marker)]);
-  }
 }
 
 void TrajectorySystem::ForEachReduced(const MarkerVisitor& visit) const {
@@ -479,7 +266,7 @@ void TrajectorySystem::ForEachReduced(const MarkerVisitor& visit) const {
   Eigen::Matrix<double, 2, Eigen::Dynamic> slope(2, layout_.column_count());
   ForEachUsedMarkerOfRows(
       problem_, [&](size_t row, const BundleObservation& observation, const BundleMarker& marker) {
-        if (!Differentiate(row, observation, marker, &slopes)) return;
+        if (!DifferentiateMarker(problem_, layout_, row, observation, marker, &slopes)) return;
         const auto s = static_cast<size_t>(problem_.span_of_row[row]);
         const Eigen::Index first = slopes.weights.first_knot * problem_.spans[s].size;
         slope.noalias() = -slopes.knots * answers[s].middleRows(first, slopes.knots.cols());
@@ -496,7 +283,7 @@ Eigen::Matrix2d TrajectorySystem::PathCovariance(size_t row, const BundleObserva
                                                  const BundleMarker& marker) const {
   MarkerSlopes slopes;
   if (layout_.ViewIndex(observation.camera, observation.clock) < 0 ||
-      !Differentiate(row, observation, marker, &slopes)) {
+      !DifferentiateMarker(problem_, layout_, row, observation, marker, &slopes)) {
     return Eigen::Matrix2d::Zero();
   }
   const auto s = static_cast<size_t>(problem_.span_of_row[row]);

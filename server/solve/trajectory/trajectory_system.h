@@ -4,12 +4,12 @@
 #include <Eigen/Core>
 #include <functional>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "server/solve/bundle/line_bundle_estimate.h"
 #include "server/solve/bundle/line_bundle_layout.h"
 #include "server/solve/trajectory/banded_matrix.h"
+#include "server/solve/trajectory/path_prior.h"
 #include "server/solve/trajectory/trajectory_problem.h"
 
 namespace rigcal::server {
@@ -34,15 +34,9 @@ class TrajectorySystem {
   // such step was found, and the problem is as it was.
   bool Step();
 
-  // Of the last linearisation, with the cameras held: what the paths still are free in.
-  struct Freedom {
-    double values = 0;  // numbers of the data that the paths take up
-    // Of the third differences: how many the data decide, and their sum of squares.
-    double origin_by_data = 0, origin_square = 0;
-    double direction_by_data = 0, direction_square = 0;
-  };
+  // Of the last linearisation, with the cameras held.
   // Before it is asked: PreparePathCovariance.
-  Freedom MeasureFreedom() const;
+  PathFreedom MeasureFreedom() const;
 
   // Of the last linearisation, prepared as well: from now on the gradient has that of variance / 2
   // * log det A, with A the matrix of the knots, as it is here, and the variance of the whitened
@@ -77,27 +71,12 @@ class TrajectorySystem {
     Eigen::VectorXd gradient;  // L^-1 of it
     BandedMatrix inverse;
   };
-  struct MarkerSlopes {
-    SplineWeights weights;
-    Eigen::Vector2d residual;
-    Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, 4 * TrajectorySpan::kLineSize> knots;
-    std::vector<std::pair<int, Eigen::Vector2d>> reduced;
-  };
-  bool Differentiate(size_t row, const BundleObservation& observation, const BundleMarker& marker,
-                     MarkerSlopes* slopes) const;
   double Weight(const Eigen::Vector2d& residual) const;
   bool DataCost(double* cost) const;
-  double PathCost() const;
-  // Moves each unknown but the knots that a marker depends on by a small step, calls
-  // function(column, step), and moves it back.
-  template <typename Function>
-  void ForEachUnknownOf(const BundleObservation& observation, const BundleMarker& marker,
-                        const Function& function);
   // The unit of length is the spacing's business. Rows say nothing of it, and a path of half the
   // size is no more likely: what the path's prior and the count of paths say about the scale is
   // taken out again, by way of the spacing where it is estimated.
   void FreeScale();
-  void AddPathPrior(size_t span, SpanSystem* system) const;
 
   const BundleOptions& options_;
   TrajectoryProblem& problem_;

@@ -8,7 +8,7 @@
 #include "common/calibration/calibration_options.h"
 #include "server/solve/calibrate.h"
 #include "server/solve/calibration_report.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
 
 namespace rigcal::server {
 

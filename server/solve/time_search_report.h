@@ -6,7 +6,7 @@
 #include "absl/status/status.h"
 #include "common/calibration/calibration.h"
 #include "server/solve/clocks/time_search.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
 
 namespace rigcal::server {
 

@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "server/solve/clocks/clock_groups.h"
 #include "server/solve/clocks/motion_match.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
 
 namespace rigcal::server {
 

@@ -3,7 +3,8 @@
 
 #include <optional>
 
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
 
 namespace rigcal::server {
 

@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "server/solve/clocks/start_search.h"
 #include "server/solve/rig/problem_builder.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
 
 namespace rigcal::server {
 

@@ -9,7 +9,8 @@
 #include "common/time/clock_course.h"
 #include "server/solve/clocks/ray_paths.h"
 #include "server/solve/diagnose/trial_solve.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
 
 namespace rigcal::server {
 

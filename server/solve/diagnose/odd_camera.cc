@@ -14,6 +14,7 @@
 #include "server/solve/diagnose/others_points.h"
 #include "server/solve/evaluate/resection.h"
 #include "server/solve/initialize/shared_views.h"
+#include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::server {
 namespace {

@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "common/calibration/finding_kind.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 
 namespace rigcal::server {
 

@@ -10,6 +10,8 @@
 #include "common/status/status_macros.h"
 #include "server/solve/clocks/clock_rates.h"
 #include "server/solve/evaluate/uncertainty.h"
+#include "server/solve/rig/put_away.h"
+#include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::server {
 namespace {

@@ -19,6 +19,8 @@
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/initialize/shared_views.h"
 #include "server/solve/rig/outliers.h"
+#include "server/solve/rig/put_away.h"
+#include "server/solve/rig/rig_solver.h"
 #include "server/solve/rig/trajectory_fit.h"
 
 namespace rigcal::server {

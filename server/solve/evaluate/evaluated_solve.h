@@ -13,7 +13,9 @@
 #include "server/solve/evaluate/lens_models.h"
 #include "server/solve/evaluate/predicted_error.h"
 #include "server/solve/evaluate/uncertainty.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 
 namespace rigcal::server {
 

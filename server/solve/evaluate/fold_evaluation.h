@@ -8,7 +8,9 @@
 #include "server/solve/evaluate/held_out.h"
 #include "server/solve/evaluate/held_out_choice.h"
 #include "server/solve/evaluate/predicted_error.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 #include "server/solve/rig/trajectory_fit.h"
 
 namespace rigcal::server {

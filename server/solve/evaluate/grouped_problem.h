@@ -6,7 +6,8 @@
 #include <vector>
 
 #include "server/solve/bundle/bundle_problem.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
 
 namespace rigcal::server {
 

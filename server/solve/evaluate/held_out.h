@@ -6,7 +6,9 @@
 #include <vector>
 
 #include "server/solve/evaluate/error_figures.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 
 namespace rigcal::server {
 

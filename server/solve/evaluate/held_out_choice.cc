@@ -5,6 +5,9 @@
 #include <cmath>
 #include <utility>
 
+#include "server/solve/rig/put_away.h"
+#include "server/solve/rig/rig_solver.h"
+
 namespace rigcal::server {
 namespace {
 

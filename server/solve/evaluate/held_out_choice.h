@@ -8,7 +8,9 @@
 
 #include "absl/status/statusor.h"
 #include "server/solve/evaluate/held_out.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 
 namespace rigcal::server {
 

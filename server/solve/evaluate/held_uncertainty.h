@@ -4,7 +4,7 @@
 #include "absl/status/status.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/held_rig.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_solution.h"
 
 namespace rigcal::server {
 

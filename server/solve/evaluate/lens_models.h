@@ -8,7 +8,9 @@
 #include "common/calibration/calibration.h"
 #include "common/camera/intrinsics.h"
 #include "server/solve/evaluate/held_out_choice.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 
 namespace rigcal::server {
 

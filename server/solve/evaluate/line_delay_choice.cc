@@ -9,6 +9,8 @@
 #include "common/status/status_macros.h"
 #include "server/solve/rig/line_delays.h"
 #include "server/solve/rig/outliers.h"
+#include "server/solve/rig/put_away.h"
+#include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::server {
 namespace {

@@ -6,7 +6,9 @@
 #include "absl/status/status.h"
 #include "common/calibration/calibration.h"
 #include "server/solve/evaluate/uncertainty.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 
 namespace rigcal::server {
 

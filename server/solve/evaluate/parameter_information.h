@@ -5,7 +5,8 @@
 #include <optional>
 
 #include "common/calibration/parameter_information.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
 
 namespace rigcal::server {
 

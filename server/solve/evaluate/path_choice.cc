@@ -6,6 +6,7 @@
 
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
+#include "server/solve/rig/put_away.h"
 
 namespace rigcal::server {
 namespace {

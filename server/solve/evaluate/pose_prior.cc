@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/status/status_macros.h"
+#include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::server {
 namespace {

@@ -4,7 +4,7 @@
 #include "absl/status/status.h"
 #include "server/solve/evaluate/evaluated_solve.h"
 #include "server/solve/evaluate/pose_covariance.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
 
 namespace rigcal::server {
 

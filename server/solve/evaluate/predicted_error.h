@@ -6,7 +6,7 @@
 
 #include "common/geometry/rigid_transform.h"
 #include "server/solve/evaluate/uncertainty.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_solution.h"
 
 namespace rigcal::server {
 

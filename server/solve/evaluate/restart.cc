@@ -11,6 +11,8 @@
 #include "server/solve/geometry/marker_rays.h"
 #include "server/solve/geometry/target_pose.h"
 #include "server/solve/geometry/triangulation.h"
+#include "server/solve/rig/put_away.h"
+#include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::server {
 namespace {

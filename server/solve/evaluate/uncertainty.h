@@ -7,7 +7,8 @@
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
 #include "server/solve/bundle/line_bundle.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 
 namespace rigcal::server {
 

@@ -9,6 +9,8 @@
 
 namespace rigcal::server {
 
+struct BundleProblem;
+
 // Cameras of a rig whose poses are known from an earlier calibration and not estimated.
 struct HeldRig {
   // By camera of the index; none: it is solved.
@@ -24,5 +26,10 @@ struct HeldRig {
     return camera < cam_from_rig.size() && cam_from_rig[camera].has_value();
   }
 };
+
+// Takes a problem that was just initialized from its own frame, with its own errors, into that of
+// the held cameras: by the mean rotation (L2 chordal) and the mean shift of their centres. Held
+// cameras are put where they are known to be, the others moved along, and the instants placed anew.
+void MoveToHeld(const HeldRig& held, BundleProblem* problem);
 
 }  // namespace rigcal::server

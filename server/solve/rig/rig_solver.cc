@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/rig/rig_solver.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -50,37 +49,6 @@ constexpr size_t kRoughChanges = 500;
 constexpr int kMaxRoughRounds = 4;
 // Radius of the trust region where values begin that an adjustment has left.
 constexpr double kWarmRadius = 1e9;
-
-// From the frame of an initialization into that of held cameras, which are put where they are.
-void MoveToHeld(const HeldRig& held, BundleProblem* problem) {
-  Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
-  for (size_t c = 0; c < problem->cameras.size(); ++c) {
-    if (!held.Holds(c)) continue;
-    turns += (held.cam_from_rig[c]->rotation.conjugate() *
-              problem->cameras[c].cam_from_rig.rotation)
-                 .toRotationMatrix();
-  }
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(turns, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant();
-  const Eigen::Quaterniond turn(Eigen::Matrix3d(
-      svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose()));
-  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
-  int count = 0;
-  for (size_t c = 0; c < problem->cameras.size(); ++c) {
-    if (!held.Holds(c)) continue;
-    shift += held.cam_from_rig[c]->SourceFromTargetTranslation() -
-             turn * problem->cameras[c].cam_from_rig.SourceFromTargetTranslation();
-    ++count;
-  }
-  const RigidTransform held_from_initial(turn, shift / std::max(1, count));
-  for (size_t c = 0; c < problem->cameras.size(); ++c) {
-    RigidTransform& pose = problem->cameras[c].cam_from_rig;
-    pose = held.Holds(c) ? *held.cam_from_rig[c] : pose * held_from_initial.Inverse();
-  }
-  // Their poses are found anew.
-  for (BundleInstant& instant : problem->instants) instant.used = false;
-  PlaceInstants(kAgreePx, problem);
-}
 
 // The steps of SolveRig with what they share.
 class RigSolver {
@@ -401,87 +369,6 @@ class RigSolver {
 };
 
 }  // namespace
-
-std::vector<ImageMotion> MotionsOf(const RigObservations& rig) {
-  std::vector<ImageMotion> motions;
-  for (size_t t = 0; t < rig.tracks.size(); ++t) {
-    motions.emplace_back(rig.tracks[t], rig.TargetOf(t).marker_count());
-  }
-  return motions;
-}
-
-bool IsMetric(const RigObservations& rig, const RigSolveOptions& options) {
-  return rig.Parts().HasLengths() || options.known_distance.has_value();
-}
-
-bool IsFlipped(const RigSolution& solution, const BundleObservation& observation) {
-  if (observation.marker_count == 0) return false;
-  const MarkerSource& source =
-      solution.built.sources[static_cast<size_t>(observation.first_marker)];
-  return solution.motions[static_cast<size_t>(source.track)].IsFlipped(source.observation);
-}
-
-RigInitialization InitializationFrom(const RigSolution& solution) {
-  const BundleProblem& problem = solution.built.problem;
-  RigInitialization initial;
-  initial.cameras = problem.cameras;
-  initial.marker_positions_m = problem.target.marker_positions_m;
-  initial.points_m = problem.rigid_target.points_m;
-  initial.distance = problem.distance;
-  initial.clocks = solution.clocks;
-  initial.line_delay_s = solution.line_delay_s;
-  for (size_t c = 0; c < initial.line_delay_s.size(); ++c) {
-    initial.line_delay_s[c] += problem.cameras[c].line_delay_s;
-  }
-  for (size_t k = 0; k < initial.clocks.size(); ++k) {
-    initial.clocks[k].time_offset_s += problem.clocks[k].time_offset_s;
-    initial.clocks[k].time_rate += problem.clocks[k].time_rate;
-  }
-  for (size_t i = 0; i < problem.instants.size(); ++i) {
-    if (!problem.instants[i].used) continue;
-    const InstantMember& first = solution.instants.instants[i].members.front();
-    initial.instants[{first.track, first.observation}] = {
-        problem.instants[i].origin_m, problem.instants[i].direction, problem.instants[i].rotation};
-  }
-  return initial;
-}
-
-void PutAway(const RigObservations& rig, const RigSolveOptions& options, RigSolution* solution) {
-  if (solution->put_away) return;
-  BundleProblem& problem = solution->built.problem;
-  RigSolution::PutAway& kept = solution->put_away.emplace();
-  kept.used.reserve(problem.markers.size());
-  for (const BundleMarker& marker : problem.markers) kept.used.push_back(marker.used);
-  bool has_diameter = rig.target.diameter_m > 0;
-  for (const auto& [session, target] : rig.other_targets) {
-    has_diameter = has_diameter || target.diameter_m > 0;
-  }
-  if (has_diameter && IsMetric(rig, options)) {
-    kept.centres_px.reserve(problem.markers.size());
-    for (const BundleMarker& marker : problem.markers) kept.centres_px.push_back(marker.centre_px);
-  }
-  // An empty list in braces would keep their memory.
-  problem.markers = std::vector<BundleMarker>();
-  problem.observations = std::vector<BundleObservation>();
-  solution->built.sources = std::vector<MarkerSource>();
-}
-
-void TakeBack(const RigObservations& rig, const RigSolveOptions& options, RigSolution* solution) {
-  if (!solution->put_away) return;
-  BundleProblem& problem = solution->built.problem;
-  const RigSolution::PutAway& kept = *solution->put_away;
-  BuiltProblem again =
-      BuildProblem(rig.Parts(), rig.tracks, solution->motions, rig.index, solution->clocks,
-                   solution->instants.instants, options.sigma_px);
-  for (size_t m = 0; m < again.problem.markers.size(); ++m) {
-    again.problem.markers[m].used = kept.used[m];
-    if (!kept.centres_px.empty()) again.problem.markers[m].centre_px = kept.centres_px[m];
-  }
-  problem.markers = std::move(again.problem.markers);
-  problem.observations = std::move(again.problem.observations);
-  solution->built.sources = std::move(again.sources);
-  solution->put_away.reset();
-}
 
 absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
                                      const std::vector<ClockCorrection>& clocks,

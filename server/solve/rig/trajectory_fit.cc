@@ -10,6 +10,7 @@
 
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
+#include "server/solve/rig/rig_solver.h"
 #include "server/solve/rig/sphere_centres.h"
 
 namespace rigcal::server {

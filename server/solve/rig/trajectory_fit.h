@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 #include "server/solve/trajectory/trajectory_adjuster.h"
 #include "server/solve/trajectory/trajectory_problem.h"
 

@@ -14,7 +14,9 @@
 #include "server/associate/clean_track.h"
 #include "server/solve/evaluate/error_figures.h"
 #include "server/solve/evaluate/uncertainty.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 #include "server/solve/running/running_solve.h"
 
 namespace rigcal::server {

@@ -13,6 +13,7 @@
 #include "server/solve/evaluate/evaluated_solve.h"
 #include "server/solve/evaluate/held_out.h"
 #include "server/solve/evaluate/restart.h"
+#include "server/solve/rig/rig_solver.h"
 #include "server/solve/running/instant_thinning.h"
 
 namespace rigcal::server {

@@ -7,7 +7,9 @@
 #include "absl/status/statusor.h"
 #include "server/solve/evaluate/given_intrinsics.h"
 #include "server/solve/evaluate/uncertainty.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 #include "server/solve/running/running_estimate.h"
 
 namespace rigcal::server {

@@ -7,7 +7,7 @@
 
 #include "common/camera/camera_description.h"
 #include "server/solve/evaluate/uncertainty.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_solution.h"
 #include "server/solve/running/expected_error.h"
 
 namespace rigcal::server {

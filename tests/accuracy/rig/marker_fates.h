@@ -4,7 +4,8 @@
 #include <vector>
 
 #include "common/simulation/world/simulated_world.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
 
 namespace rigcal::accuracy {
 

@@ -7,7 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/simulation/world/simulated_world.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_solution.h"
 #include "tests/accuracy/rig/calibration_errors.h"
 #include "tests/accuracy/rig/rig_information.h"
 #include "tests/accuracy/rig/statistics.h"

@@ -7,7 +7,8 @@
 
 #include "common/status/status_macros.h"
 #include "server/solve/calibrate.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
 #include "tests/server/solve/recorded_input.h"
 
 namespace rigcal::accuracy {

@@ -17,7 +17,7 @@
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/evaluate/triangulation_accuracy.h"
 #include "server/solve/geometry/triangulation.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_solution.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
 #include "tests/accuracy/rig/statistics.h"
 

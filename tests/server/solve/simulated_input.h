@@ -5,7 +5,7 @@
 
 #include "common/simulation/world/simulated_world.h"
 #include "server/solve/calibrate.h"
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/rig_observations.h"
 #include "tests/server/solve/simulated_targets.h"
 
 namespace rigcal::server {

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "server/solve/evaluate/uncertainty.h"
+#include "server/solve/rig/rig_solver.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
 

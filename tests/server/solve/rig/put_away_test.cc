@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "server/solve/rig/put_away.h"
+
 #include <gtest/gtest.h>
 
 #include <string>

@@ -6,6 +6,7 @@
 #include "common/camera/sphere_projection.h"
 #include "server/associate/clean_track.h"
 #include "server/solve/evaluate/evaluated_solve.h"
+#include "server/solve/rig/rig_solver.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"

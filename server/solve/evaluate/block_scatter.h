@@ -7,6 +7,7 @@
 
 #include "server/solve/bundle/bundle_problem.h"
 #include "server/solve/bundle/line_bundle.h"
+#include "server/solve/evaluate/loss_factors.h"
 #include "server/solve/rig/problem_builder.h"
 
 namespace rigcal::server {
@@ -31,13 +32,6 @@ struct BlockScatter {
 // Runs of instants of at most 2 s, of less in short recordings; indices of the first instant of
 // each, and the number of instants at the end.
 std::vector<size_t> CutIntoBlocks(const BuiltProblem& built);
-
-// The factors of the M-estimator (uncertainty.h): the variance of the parameters by the inverse of
-// the information, and the mean derivative of psi by the mean weight.
-struct LossFactors {
-  double variance = 1;
-  double slope = 1;
-};
 
 // A block's information about the parameters, and its score.
 struct BlockInformation {

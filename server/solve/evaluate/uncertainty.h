@@ -31,16 +31,9 @@ struct RigUncertainty {
   double ClockSigma(ReducedParameterKind kind, const std::vector<double>& weights) const;
 };
 
-// From the information of the bundle adjustment at its optimum. The data's part of it, in which
-// rho' weighs the markers, is scaled by the variance factor of an M-estimator (Huber, Robust
-// Statistics, section 7.6), here for residuals of two dimensions: with psi = rho'(s) e, s = |e|^2,
-//   K^2 * E[rho'] * E[rho'^2 s] / 2 / E[psi']^2,   K = 1 + h Var[psi'] / E[psi']^2,
-// with means over the markers for the expectations; psi' stands for the two eigenvalues of the
-// derivative, h for the share of free parameters in the numbers that determine them. Residuals are
-// smaller than errors: they are divided by sqrt(1 - h) first, with h of their own instant (Cook and
-// Weisberg, Residuals and Influence in Regression, section 2.1), and those of interpolated centres
-// by their noise_share (ImageMotion). For normal errors and the Cauchy loss at 2 sigmas the
-// covariance comes to 1.092 times the Cramer-Rao bound. Priors count as given.
+// From the information of the bundle adjustment at its optimum. The data's part of it, in which the
+// robust loss weighs the markers, is scaled by the variance of the residuals and what the loss
+// makes of it (loss_factors.h). Priors count as given.
 //
 // That is the covariance C of independent errors. Where blocks of time scatter more than that
 // (block_scatter.h, design effect D > 1), it becomes C / sqrt(D) + (1 - 1 / sqrt(D)) (S + C P C): S

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/diagnose/move_scan.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <iterator>
+#include <vector>
+
+#include "common/camera/camera_model.h"
+#include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/evaluate/held_out_choice.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kCapPx = 60;
+constexpr size_t kMaxMarkers = 1500;
+constexpr size_t kMinMarkersOfPart = 60;
+constexpr int kCoarseSteps = 20;
+constexpr int kFineSteps = 8;
+constexpr int kReweightings = 6;
+constexpr int kBlocksOfPart = 6;
+constexpr size_t kMinMarkersOfBlock = 5;
+constexpr double kHeldOutSigmas = 2;
+
+struct Sample {
+  int64_t time_ns;
+  Eigen::Vector2d residual;  // predicted minus measured
+  Eigen::Matrix<double, 2, 6> jacobian;
+};
+
+std::vector<Sample> SamplesOf(const TrialProblem& trial, const SessionTimeline& timeline,
+                              int camera) {
+  const BundleProblem& problem = trial.problem;
+  const BundleCamera& solved = problem.cameras[static_cast<size_t>(camera)];
+  std::vector<Sample> samples;
+  ForEachMarker(problem, [&](size_t i, const BundleObservation& observation, size_t m) {
+    if (observation.camera != camera) return;
+    const BundleInstant& instant = problem.instants[i];
+    const BundleMarker& marker = problem.markers[m];
+    const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+    const Eigen::Vector3d rotated = solved.cam_from_rig.rotation * problem.PointOf(instant, marker);
+    Eigen::Vector2d pixel;
+    Eigen::Matrix<double, 2, 3> d_point;
+    if (!residual ||
+        !Project(solved.model, solved.intrinsics.data(),
+                 rotated + solved.cam_from_rig.translation_m, &pixel, &d_point, nullptr)) {
+      return;
+    }
+    Sample sample = {timeline.TimeNs(i), *residual, {}};
+    Eigen::Matrix3d cross;
+    cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(), rotated.x(),
+        0;
+    sample.jacobian.leftCols<3>() = -d_point * cross;
+    sample.jacobian.rightCols<3>() = d_point;
+    samples.push_back(sample);
+  });
+  std::ranges::stable_sort(samples, {}, &Sample::time_ns);
+  const size_t stride = 1 + samples.size() / kMaxMarkers;
+  std::vector<Sample> some;
+  for (size_t i = 0; i < samples.size(); i += stride) some.push_back(samples[i]);
+  return some;
+}
+
+struct Fit {
+  PoseStep step = PoseStep::Zero();
+  double cost = 0;
+};
+
+double CostOf(const std::vector<Sample>& samples, size_t begin, size_t end, const PoseStep& step) {
+  double cost = 0;
+  for (size_t i = begin; i < end; ++i) {
+    cost += std::min(kCapPx, (samples[i].residual + samples[i].jacobian * step).norm());
+  }
+  return cost;
+}
+
+// Least absolute errors by iterative reweighting.
+Fit FitStep(const std::vector<Sample>& samples, size_t begin, size_t end) {
+  Fit fit;
+  fit.cost = CostOf(samples, begin, end, fit.step);
+  PoseStep step = PoseStep::Zero();
+  for (int round = 0; round < kReweightings; ++round) {
+    Eigen::Matrix<double, 6, 6> information = 1e-6 * Eigen::Matrix<double, 6, 6>::Identity();
+    PoseStep gradient = PoseStep::Zero();
+    for (size_t i = begin; i < end; ++i) {
+      const Sample& sample = samples[i];
+      const double norm = (sample.residual + sample.jacobian * step).norm();
+      // Beyond the cap a residual says nothing about the pose.
+      const double weight = (norm > 4 * kCapPx ? 0.01 : 1) / std::max(norm, 0.1);
+      information += weight * sample.jacobian.transpose() * sample.jacobian;
+      gradient += weight * sample.jacobian.transpose() * sample.residual;
+    }
+    step = -information.ldlt().solve(gradient);
+    if (!step.allFinite()) break;
+    const double cost = CostOf(samples, begin, end, step);
+    if (cost < fit.cost) fit = {step, cost};
+  }
+  return fit;
+}
+
+}  // namespace
+
+std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionTimeline& timeline,
+                                       int camera) {
+  const std::vector<Sample> samples = SamplesOf(trial, timeline, camera);
+  const size_t count = samples.size();
+  if (count < 4 * kMinMarkersOfPart) return std::nullopt;
+  const double cost_of_one = FitStep(samples, 0, count).cost;
+  if (!(cost_of_one > 0)) return std::nullopt;
+  std::optional<ChangePoint> best;
+  size_t best_split = 0;
+  const auto look = [&](size_t split) {
+    while (split < count && split > 0 && samples[split].time_ns == samples[split - 1].time_ns) {
+      ++split;
+    }
+    if (split < kMinMarkersOfPart || split + kMinMarkersOfPart > count) return;
+    const Fit before = FitStep(samples, 0, split), after = FitStep(samples, split, count);
+    const double gain = 1 - (before.cost + after.cost) / cost_of_one;
+    if (best && gain <= best->gain) return;
+    best = ChangePoint{samples[split].time_ns, before.step, after.step, gain};
+    best_split = split;
+  };
+  const size_t stride = std::max<size_t>(1, count / kCoarseSteps);
+  for (size_t split = stride; split < count; split += stride) look(split);
+  for (const int64_t begin_ns : timeline.BeginsNs()) {
+    const auto first = std::ranges::lower_bound(samples, begin_ns, {}, &Sample::time_ns);
+    look(static_cast<size_t>(first - samples.begin()));
+  }
+  // Halving towards the best.
+  for (size_t fine = stride / 2, step = 0; best && fine > 0 && step < kFineSteps;
+       fine /= 2, ++step) {
+    const size_t around = best_split;
+    if (around > fine) look(around - fine);
+    look(around + fine);
+  }
+  if (best) best->time_ns = timeline.Snapped(best->time_ns);
+  return best;
+}
+
+bool HoldsForOtherTimes(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
+                        int64_t change_ns) {
+  const std::vector<Sample> samples = SamplesOf(trial, timeline, camera);
+  if (samples.empty()) return false;
+  const int64_t begins_ns[] = {samples.front().time_ns, change_ns};
+  const int64_t ends_ns[] = {change_ns, samples.back().time_ns + 1};
+  const auto block_of = [&](const Sample& sample) {
+    const int part = sample.time_ns < change_ns ? 0 : 1;
+    const double share = static_cast<double>(sample.time_ns - begins_ns[part]) /
+                         static_cast<double>(ends_ns[part] - begins_ns[part]);
+    return part * kBlocksOfPart +
+           std::min(kBlocksOfPart - 1, static_cast<int>(share * kBlocksOfPart));
+  };
+  std::vector<double> one_px(2 * kBlocksOfPart), two_px(2 * kBlocksOfPart);
+  for (const int held_out : {0, 1}) {
+    std::vector<Sample> all, of_part[2];
+    for (const Sample& sample : samples) {
+      const int block = block_of(sample);
+      if (block % 2 == held_out) continue;
+      all.push_back(sample);
+      of_part[block / kBlocksOfPart].push_back(sample);
+    }
+    const Fit one = FitStep(all, 0, all.size());
+    for (const int part : {0, 1}) {
+      const Fit two = FitStep(of_part[part], 0, of_part[part].size());
+      for (int block = part * kBlocksOfPart; block < (part + 1) * kBlocksOfPart; ++block) {
+        if (block % 2 != held_out) continue;
+        std::vector<Sample> own;
+        std::ranges::copy_if(samples, std::back_inserter(own),
+                             [&](const Sample& sample) { return block_of(sample) == block; });
+        const bool enough = own.size() >= kMinMarkersOfBlock;
+        const double count = static_cast<double>(own.size());
+        const auto b = static_cast<size_t>(block);
+        one_px[b] = enough ? CostOf(own, 0, own.size(), one.step) / count : INFINITY;
+        two_px[b] = enough ? CostOf(own, 0, own.size(), two.step) / count : INFINITY;
+      }
+    }
+  }
+  const HeldOutGain gain = CompareByBlock(one_px, two_px);
+  return gain.IsClear(kMinScanGain, kHeldOutSigmas);
+}
+
+double LargestErrorPx(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
+                      int64_t change_ns) {
+  double sums[2] = {0, 0}, counts[2] = {0, 0};
+  for (const Sample& sample : SamplesOf(trial, timeline, camera)) {
+    const size_t part = sample.time_ns < change_ns ? 0 : 1;
+    sums[part] += sample.residual.norm();
+    ++counts[part];
+  }
+  return std::max(sums[0] / std::max(1.0, counts[0]), sums[1] / std::max(1.0, counts[1]));
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+
+#include "server/solve/diagnose/session_timeline.h"
+#include "server/solve/diagnose/trial_solve.h"
+
+namespace rigcal::server {
+
+// Step of a camera's pose as in ReducedParameter: rotation vector in the camera's frame from the
+// left, then what is added to the translation.
+using PoseStep = Eigen::Matrix<double, 6, 1>;
+
+// What a camera's residuals say of its having moved once, the target's poses being as they are.
+struct ChangePoint {
+  int64_t time_ns = 0;  // of the timeline, before the first instant of the second part
+  PoseStep before = PoseStep::Zero();
+  PoseStep after = PoseStep::Zero();
+  // Share of the camera's residuals (sum of norms, each at most 60 px) that two poses instead of
+  // one take away, the target's poses as they are.
+  double gain = 0;
+};
+
+// Share of the residuals that two poses must take away to be worth a look.
+inline constexpr double kMinScanGain = 0.05;
+
+// The time at which a camera's residuals are best explained by its having moved: two pose steps,
+// each linear and by least absolute errors, over a scan of times. Outliers take part, a camera that
+// has moved far being nothing but outliers. None with too few markers.
+std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionTimeline& timeline,
+                                       int camera);
+
+// Do two poses, before and after the change, also fit what they were not fitted to? Each part is
+// cut into blocks of time, every other one is held out of the fits, in turns. Errors that
+// neighbouring times have in common can be fitted by a pose that a few seconds say little about: it
+// does not fit the next few.
+bool HoldsForOtherTimes(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
+                        int64_t change_ns);
+
+// Mean error with one pose, of the part before the change or after it: the larger. Pixels.
+double LargestErrorPx(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
+                      int64_t change_ns);
+
+}  // namespace rigcal::server

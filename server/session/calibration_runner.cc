@@ -6,13 +6,12 @@
 #include <algorithm>
 #include <exception>
 #include <optional>
-#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/session/calibration_input.h"
-#include "server/session/derivation_checks.h"
+#include "server/session/calibration_request.h"
 #include "server/session/session_rules.h"
 #include "server/session/utc_clock.h"
 
@@ -21,7 +20,6 @@ namespace {
 
 constexpr int kCalibrationPageSize = 200;
 constexpr size_t kMaxUnsaved = 64;
-constexpr size_t kMaxSessions = 64;  // of one calibration
 // Watchers are not woken more often by progress within a stage.
 constexpr std::chrono::milliseconds kProgressInterval{100};
 constexpr std::string_view kCancelled = "cancelled";
@@ -89,39 +87,9 @@ absl::Status CalibrationRunner::QueueUnfinished() {
 absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
     std::vector<std::string> session_ids, CalibrationOptions options, CalibrationNote note) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  const bool solves = !ChangesFrameOnly(options.kind);
-  if (session_ids.empty() && solves) {
-    return absl::InvalidArgumentError("session_ids is empty; name at least one finished session");
-  }
-  if (session_ids.size() > 1 && !solves) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("session_ids names ", session_ids.size(),
-                     " sessions; a frame or scale is made from the rows of one"));
-  }
-  if (session_ids.size() > kMaxSessions) {
-    return absl::InvalidArgumentError(absl::StrCat("session_ids names ", session_ids.size(),
-                                                   " sessions; at most ", kMaxSessions,
-                                                   " are allowed"));
-  }
-  std::set<std::string_view> distinct;
-  for (const std::string& id : session_ids) {
-    if (!distinct.insert(id).second) {
-      return absl::InvalidArgumentError(absl::StrCat("session_ids names '", id, "' twice"));
-    }
-  }
-
+  RIGCAL_RETURN_IF_ERROR(CheckNamedSessions(session_ids, options));
   std::lock_guard create(create_mutex_);
-  // A repair is of what was recorded after the move: the sessions that are named.
-  if (solves && options.kind != SolveKind::kRepair) {
-    RIGCAL_RETURN_IF_ERROR(AddContinuedSessions(&session_ids));
-  }
-  std::erase_if(session_ids, [&options](const std::string& id) {
-    return std::ranges::find(options.without_sessions, id) != options.without_sessions.end();
-  });
-  if (session_ids.empty() && solves) {
-    return absl::InvalidArgumentError("without_sessions leaves no session");
-  }
-  options.without_sessions.clear();  // done
+  RIGCAL_ASSIGN_OR_RETURN(session_ids, SessionsToUse(*store_, std::move(session_ids), &options));
   RIGCAL_ASSIGN_OR_RETURN(auto hold, coordinator_->HoldSessions(session_ids));
   std::vector<Session> sessions;
   for (const std::string& id : session_ids) {
@@ -141,7 +109,7 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   } else {
     calibration.rig = sessions.front().rig;
   }
-  RIGCAL_RETURN_IF_ERROR(ChooseFrame(calibration.rig, &options));
+  RIGCAL_RETURN_IF_ERROR(ChooseFrame(*store_, calibration.rig, &options));
   calibration.session_ids = std::move(session_ids);
   calibration.options = std::move(options);
   calibration.create_utc_ns = UtcNowNs(options_.utc_now_ns);
@@ -149,7 +117,7 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   calibration.operator_name = std::move(note.operator_name);
   calibration.reason = std::move(note.reason);
   calibration.notes = std::move(note.notes);
-  RIGCAL_RETURN_IF_ERROR(Derive(sessions, &calibration));
+  RIGCAL_RETURN_IF_ERROR(Derive(*store_, sessions, &calibration));
   RIGCAL_ASSIGN_OR_RETURN(calibration, store_->CreateCalibration(std::move(calibration)));
   {
     std::lock_guard lock(mutex_);
@@ -157,74 +125,6 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   }
   tasks_.Post([this] { RunNext(); });
   return calibration;
-}
-
-absl::Status CalibrationRunner::ChooseFrame(const std::string& rig,
-                                            CalibrationOptions* options) const {
-  // What only looks, such as a monitor, needs no frame.
-  const bool by_default = options->frame == FrameChoice::kDefault && !options->what_if;
-  const bool keeps =
-      options->frame == FrameChoice::kKeep || options->frame == FrameChoice::kKeepIfPossible;
-  if (options->kind != SolveKind::kFull || !options->parent_id.empty() || !(by_default || keeps)) {
-    return absl::OkStatus();
-  }
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<Activation> latest, store_->ListActivations(rig, 1));
-  const absl::StatusOr<Calibration> active =
-      latest.empty() ? absl::NotFoundError("no calibration of it is active")
-                     : store_->GetCalibration(latest.front().calibration_id);
-  if (keeps) {
-    if (active.ok()) options->parent_id = active->id;
-    if (active.ok() || options->frame == FrameChoice::kKeepIfPossible) return absl::OkStatus();
-    return absl::FailedPreconditionError(
-        absl::StrCat("there is no frame of rig '", rig,
-                     "' to keep: ", std::string(active.status().message()), "; name a parent"));
-  }
-  if (!active.ok() || !active->result || !active->result->frame ||
-      !active->result->frame->IsOwn()) {
-    return absl::OkStatus();
-  }
-  options->frame = FrameChoice::kKeepIfPossible;
-  options->parent_id = active->id;
-  return absl::OkStatus();
-}
-
-absl::StatusOr<std::optional<Calibration>> CalibrationRunner::ParentOf(
-    const CalibrationOptions& options) const {
-  if (!options.NeedsParent()) return std::nullopt;
-  absl::StatusOr<Calibration> parent = store_->GetCalibration(options.parent_id);
-  // Its frame cannot be kept then, and the result says so.
-  if (!parent.ok() && options.frame == FrameChoice::kKeepIfPossible) return std::nullopt;
-  RIGCAL_RETURN_IF_ERROR(parent.status());
-  // Not needed by a solve, and large.
-  if (parent->result && !ChangesFrameOnly(options.kind)) parent->result->residuals.clear();
-  return std::optional<Calibration>(*std::move(parent));
-}
-
-absl::Status CalibrationRunner::Derive(const std::vector<Session>& sessions,
-                                       Calibration* calibration) const {
-  const CalibrationOptions& options = calibration->options;
-  if (options.parent_id.empty()) {
-    calibration->held = HeldBy(options, sessions, nullptr);
-    return CheckDerivation(options, sessions, nullptr);
-  }
-  RIGCAL_ASSIGN_OR_RETURN(const Calibration parent, store_->GetCalibration(options.parent_id));
-  calibration->held = HeldBy(options, sessions, &parent);
-  return CheckDerivation(options, sessions, &parent);
-}
-
-absl::Status CalibrationRunner::AddContinuedSessions(std::vector<std::string>* session_ids) const {
-  for (size_t i = 0; i < session_ids->size() && session_ids->size() < kMaxSessions; ++i) {
-    RIGCAL_ASSIGN_OR_RETURN(const Session session, store_->GetSession((*session_ids)[i]));
-    const std::string& earlier = session.continues;
-    if (earlier.empty() || std::ranges::find(*session_ids, earlier) != session_ids->end()) continue;
-    // One that was deleted or thrown away meanwhile leaves the rest as it is.
-    const absl::StatusOr<Session> found = store_->GetSession(earlier);
-    if (absl::IsNotFound(found.status())) continue;
-    RIGCAL_RETURN_IF_ERROR(found.status());
-    if (found->discard_utc_ns != 0) continue;
-    session_ids->push_back(earlier);
-  }
-  return absl::OkStatus();
 }
 
 absl::StatusOr<Calibration> CalibrationRunner::GetCalibration(std::string_view id) const {
@@ -372,7 +272,7 @@ void CalibrationRunner::Solve(Calibration* calibration) {
   };
   hooks.cancelled = &interrupted_;
   const auto start = std::chrono::steady_clock::now();
-  const absl::StatusOr<std::optional<Calibration>> parent = ParentOf(calibration->options);
+  const absl::StatusOr<std::optional<Calibration>> parent = ParentOf(*store_, calibration->options);
   if (!parent.ok()) return Fail(std::string(parent.status().message()), calibration);
   CalibrationOutcome outcome = solve_({.store = *store_,
                                        .session_ids = calibration->session_ids,

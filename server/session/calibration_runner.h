@@ -10,7 +10,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -87,16 +86,6 @@ class CalibrationRunner {
   CalibrationRunner(CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,
                     SolveFunction solve);
   absl::Status QueueUnfinished();
-  // Sessions that those named continue, and that those continue, behind them.
-  absl::Status AddContinuedSessions(std::vector<std::string>* session_ids) const;
-  // Decides in which frame a full solve ends: that of the active calibration, if it has one of its
-  // own, unless the options say otherwise. FAILED_PRECONDITION: it is to be kept, and none is
-  // active.
-  absl::Status ChooseFrame(const std::string& rig, CalibrationOptions* options) const;
-  // Of the options; null for kinds without one. An error: it is needed, and cannot be read.
-  absl::StatusOr<std::optional<Calibration>> ParentOf(const CalibrationOptions& options) const;
-  // Fills what follows from the options and their parent. Errors as of CheckDerivation.
-  absl::Status Derive(const std::vector<Session>& sessions, Calibration* calibration) const;
   // The first job of the queue; none: it was cancelled.
   void RunNext();
   void RunJob(const Job& job);

@@ -18,7 +18,6 @@
 namespace rigcal::server {
 namespace {
 
-constexpr char kOperator[] = "monitor";
 constexpr int kListedSessions = 8;
 // With fewer views of the wand a camera only makes the solve fail.
 constexpr uint64_t kLeastWandViews = 20;
@@ -26,11 +25,6 @@ constexpr size_t kMaxEnded = 64;
 
 double SecondsBetween(int64_t from_utc_ns, int64_t to_utc_ns) {
   return std::max(0.0, 1e-9 * static_cast<double>(to_utc_ns - from_utc_ns));
-}
-
-std::string MovedText(const std::vector<std::string>& cameras) {
-  return absl::StrCat(absl::StrJoin(cameras, ", "), cameras.size() == 1 ? " has" : " have",
-                      " moved");
 }
 
 // By the last look.
@@ -44,18 +38,13 @@ std::vector<std::string> CamerasSaid(const LiveMonitor& shown, MonitorVerdict ve
   return names;
 }
 
-std::string_view GradeText(QualityGrade grade) {
-  return grade == QualityGrade::kBad      ? "bad"
-         : grade == QualityGrade::kUsable ? "usable only"
-                                          : "not evaluated";
-}
-
 }  // namespace
 
 RigMonitor::RigMonitor(RigMonitorOptions options, RigMonitorParts parts)
     : options_(std::move(options)),
       parts_(std::move(parts)),
-      book_(parts_.store, options_.utc_now_ns) {}
+      repairs_({.least_repair_s = options_.least_repair_s, .utc_now_ns = options_.utc_now_ns},
+               parts_.store, parts_.runner, parts_.audit) {}
 
 void RigMonitor::Start() {
   thread_ = std::thread([this] { Run(); });
@@ -105,7 +94,7 @@ void RigMonitor::Step() {
 void RigMonitor::StepRig(const std::string& name, MonitorMode mode, Rig* rig) {
   if (rig->since_utc_ns == 0) rig->since_utc_ns = UtcNowNs(options_.utc_now_ns);
   rig->shown.mode = mode;
-  if (rig->repair) FollowRepair(name, rig);
+  if (rig->repair && repairs_.Follow(name, *rig->repair, &rig->shown)) rig->repair.reset();
   if (const absl::Status status = TakeActive(name, rig); !status.ok()) {
     rig->shown.problem = std::string(status.message());
     return;
@@ -298,108 +287,9 @@ void RigMonitor::LookAtEnd(const std::string& name, const Session& session, Rig*
     rig->since_utc_ns = session.finish_utc_ns;
   }
   rig->ended.insert(session.id);
-  if (rig->shown.mode == MonitorMode::kRepair) BeginRepair(name, session, duration_s, rig);
-}
-
-void RigMonitor::BeginRepair(const std::string& name, const Session& session, double duration_s,
-                             Rig* rig) {
-  LiveMonitor& shown = rig->shown;
-  Repair repair;
-  repair.parent_id = shown.calibration_id;
-  for (const LiveMonitoredCamera& camera : shown.cameras) {
-    // A verdict of before is of another session.
-    if (camera.verdict == MonitorVerdict::kMoved && camera.time_utc_ns >= session.start_utc_ns) {
-      repair.cameras.push_back(camera.camera);
-    }
+  if (rig->shown.mode == MonitorMode::kRepair) {
+    rig->repair = repairs_.Begin(name, session, rig->clean_from_s, duration_s, &rig->shown);
   }
-  if (repair.cameras.empty() || shown.all_moved) return;
-  const std::string moved = MovedText(repair.cameras);
-  const auto refuse = [&](const std::string& why) {
-    shown.repair = MonitorRepairState::kNotActive;
-    shown.repair_id.clear();
-    shown.repair_text = absl::StrCat(moved, ", and is not repaired: ", why);
-    Audit(name, repair, shown.repair_text);
-  };
-  // By the wall clock, by which it was seen to move: a recording may come faster than it was made.
-  if (rig->clean_from_s > 0 && duration_s - rig->clean_from_s < options_.least_repair_s) {
-    return refuse("too little was recorded after the move; wave for ten seconds more");
-  }
-  CalibrationOptions options;
-  options.kind = SolveKind::kRepair;
-  options.parent_id = repair.parent_id;
-  options.only_cameras = repair.cameras;
-  options.from_s = rig->clean_from_s;
-  const absl::StatusOr<Calibration> created = parts_.runner->CreateCalibration(
-      {session.id}, options,
-      {.operator_name = kOperator, .reason = absl::StrCat("monitor: ", moved), .notes = ""});
-  if (!created.ok()) return refuse(std::string(created.status().message()));
-  repair.id = created->id;
-  shown.repair = MonitorRepairState::kSolving;
-  shown.repair_id = repair.id;
-  shown.repair_text = absl::StrCat(moved, "; calibration ", repair.id, " repairs it");
-  Audit(name, repair, shown.repair_text);
-  rig->repair = std::move(repair);
-}
-
-void RigMonitor::FollowRepair(const std::string& name, Rig* rig) {
-  const absl::StatusOr<Calibration> calibration = parts_.runner->GetCalibration(rig->repair->id);
-  if (calibration.ok() && calibration->state != CalibrationState::kSucceeded &&
-      calibration->state != CalibrationState::kFailed) {
-    return;
-  }
-  if (calibration.ok()) {
-    EndRepair(name, *calibration, rig);
-  } else {
-    rig->shown.repair = MonitorRepairState::kNotActive;
-    rig->shown.repair_text = std::string(calibration.status().message());
-  }
-  Audit(name, *rig->repair, rig->shown.repair_text);
-  rig->repair.reset();
-}
-
-void RigMonitor::EndRepair(const std::string& name, const Calibration& calibration, Rig* rig) {
-  LiveMonitor& shown = rig->shown;
-  const std::string moved = MovedText(rig->repair->cameras);
-  const auto leave = [&](const std::string& why) {
-    shown.repair = MonitorRepairState::kNotActive;
-    shown.repair_text =
-        absl::StrCat(moved, "; the repair ", calibration.id, " was not made active: ", why);
-  };
-  if (calibration.state == CalibrationState::kFailed) return leave(calibration.error);
-  const CalibrationResult& result = *calibration.result;
-  if (!MovedWithin(result).empty()) {
-    return leave("cameras moved while it was recorded; wave for ten seconds more");
-  }
-  if (result.quality.grade != QualityGrade::kGood) {
-    return leave(absl::StrCat("it is graded ", std::string(GradeText(result.quality.grade)),
-                              result.quality.reasons.empty() ? "" : ", ",
-                              result.quality.reasons.empty() ? "" : result.quality.reasons.front(),
-                              "; look at it, or calibrate the whole rig"));
-  }
-  const auto latest = parts_.store->ListActivations(name, 1);
-  if (!latest.ok() || latest->empty() || latest->front().calibration_id != rig->repair->parent_id) {
-    return leave(absl::StrCat("calibration ", rig->repair->parent_id,
-                              ", which it repairs, is not the active one any more"));
-  }
-  const absl::StatusOr<Activation> activated = book_.Activate(
-      calibration.id, {.operator_name = kOperator, .reason = absl::StrCat("monitor: ", moved)});
-  if (!activated.ok()) return leave(std::string(activated.status().message()));
-  shown.repair = MonitorRepairState::kActive;
-  shown.repair_text = absl::StrCat(moved, "; calibration ", calibration.id,
-                                   " repairs it and is the active one now; `rigcal rig rollback ",
-                                   name, "` takes that back");
-}
-
-void RigMonitor::Audit(const std::string& rig, const Repair& repair,
-                       const std::string& what) const {
-  spdlog::info("monitor of rig {}: {}", rig, what);
-  if (parts_.audit == nullptr) return;
-  parts_.audit->WriteChange("monitor", "this server",
-                            {{"rig", rig},
-                             {"parent", repair.parent_id},
-                             {"calibration", repair.id},
-                             {"cameras", absl::StrJoin(repair.cameras, ", ")},
-                             {"message", what}});
 }
 
 }  // namespace rigcal::server

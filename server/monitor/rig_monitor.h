@@ -18,10 +18,10 @@
 #include "common/calibration/calibration_record.h"
 #include "server/audit/audit_log.h"
 #include "server/live/live_state.h"
+#include "server/monitor/camera_repairs.h"
 #include "server/session/calibration_runner.h"
 #include "server/session/calibration_solver.h"
 #include "server/session/monitor_settings.h"
-#include "server/session/rig_book.h"
 #include "server/session/session_coordinator.h"
 #include "server/store/store.h"
 
@@ -69,16 +69,12 @@ class RigMonitor {
   void Step();
 
  private:
-  struct Repair {
-    std::string id, parent_id;
-    std::vector<std::string> cameras;
-  };
   struct Rig {
     LiveMonitor shown;
     int64_t since_utc_ns = 0;                 // sessions that finished before are not looked at
     std::optional<CalibrationResult> active;  // of shown.calibration_id
     std::set<std::string> ended;              // sessions that were looked at to their end
-    std::optional<Repair> repair;             // being solved
+    std::optional<CameraRepair> repair;       // being solved
     // Of the session that is looked at.
     std::string session_id;
     int look_count = 0;
@@ -98,14 +94,10 @@ class RigMonitor {
   // At what has been recorded from a time of the session on.
   void Look(const Session& session, double from_s, double now_s, Rig* rig);
   void LookAtEnd(const std::string& name, const Session& session, Rig* rig);
-  void BeginRepair(const std::string& name, const Session& session, double duration_s, Rig* rig);
-  void FollowRepair(const std::string& name, Rig* rig);
-  void EndRepair(const std::string& name, const Calibration& calibration, Rig* rig);
-  void Audit(const std::string& rig, const Repair& repair, const std::string& what) const;
 
   const RigMonitorOptions options_;
   const RigMonitorParts parts_;
-  RigBook book_;
+  CameraRepairs repairs_;
   std::map<std::string, Rig> rigs_;  // of the monitor's thread
   std::atomic<bool> stopping_ = false;
   std::mutex mutex_;

@@ -6,19 +6,15 @@
 
 #include <CLI/CLI.hpp>
 #include <array>
-#include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "absl/cleanup/cleanup.h"
-#include "absl/strings/str_cat.h"
 #include "common/config/server_config.h"
 #include "common/discovery/discovery.h"
 #include "common/failpoint/failpoint.h"
@@ -32,9 +28,11 @@
 #include "server/estimate/estimate_loop.h"
 #include "server/http/web_server.h"
 #include "server/identity/server_identity.h"
+#include "server/ingest/readiness.h"
 #include "server/jobs/solve_in_worker.h"
 #include "server/listen/descriptor_limit.h"
 #include "server/listen/listen_socket.h"
+#include "server/listen/port_file.h"
 #include "server/live/live_tracker.h"
 #include "server/metrics/metrics.h"
 #include "server/monitor/rig_monitor.h"
@@ -47,6 +45,8 @@
 namespace rigcal::server {
 namespace {
 
+constexpr int kUsualPort = 7420;
+
 struct Flags {
   std::string config_file;
   std::string port_file;
@@ -57,37 +57,18 @@ struct Flags {
   std::string log_level;
 };
 
-// A host alone gets the usual port.
-std::string WithPort(const std::string& listen) {
-  const bool has_port = listen.find(':') != std::string::npos && listen.back() != ']';
-  const bool is_number = listen.find_first_not_of("0123456789") == std::string::npos;
-  return has_port || is_number ? listen : listen + ":7420";
-}
-
 absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
   ServerConfig config;
   if (!flags.config_file.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(config, ReadServerConfig(flags.config_file));
   }
-  if (!flags.listen.empty()) config.listen = WithPort(flags.listen);
+  if (!flags.listen.empty()) config.listen = WithPort(flags.listen, kUsualPort);
   if (!flags.log_level.empty()) config.log_level = flags.log_level;
   if (!flags.data_dir.empty()) config.data_dir = flags.data_dir;
   if (config.data_dir.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(config.data_dir, DefaultDataDirectory());
   }
   return config;
-}
-
-// Atomic: a reader finds the whole number or no file.
-absl::Status WritePortFile(const std::string& path, int port) {
-  const std::string temporary = path + ".new";
-  std::ofstream file(temporary, std::ios::trunc);
-  file << port << "\n";
-  file.close();
-  if (!file || std::rename(temporary.c_str(), path.c_str()) != 0) {
-    return absl::UnavailableError("cannot write the port file " + path);
-  }
-  return absl::OkStatus();
 }
 
 // Blocks the signals in this thread and all that it starts, so that sigwait gets them.
@@ -202,24 +183,6 @@ RetentionOptions RetentionOf(const RetentionConfig& config) {
           .delete_calibrated = config.delete_calibrated};
 }
 
-// Why the server cannot take observations, if so; also while none arrive.
-absl::Status Readiness(const std::string& data_dir, const Store& store, const Ingest& ingest) {
-  const StoreHealth health = store.Health();
-  std::string problem = health.problem;
-  if (problem.empty()) problem = ingest.Stats().problem;
-  if (problem.empty() && access(data_dir.c_str(), W_OK) != 0) {
-    problem = absl::StrCat("the data folder ", data_dir, " cannot be written: ", strerror(errno));
-  }
-  const bool disk_known = health.free_bytes > 0 || health.reserve_bytes > 0;
-  if (problem.empty() && disk_known && health.free_bytes < health.reserve_bytes) {
-    problem = absl::StrCat("the disk has ", health.free_bytes >> 20, " MiB left, and ",
-                           health.reserve_bytes >> 20,
-                           " MiB are its reserve; free space, or delete sessions and run "
-                           "`rigcal-server compact`");
-  }
-  return problem.empty() ? absl::OkStatus() : absl::UnavailableError(problem);
-}
-
 // How commands on this machine reach the server: by its socket file, which never needs a
 // certificate, else by the port.
 std::string AddressForCommands(const ServerConfig& config, int port) {
@@ -302,13 +265,14 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
                       }});
   RIGCAL_ASSIGN_OR_RETURN(
       const auto web,
-      WebServer::Open({.data_dir = config.data_dir,
-                       .grpc_listen = config.listen,
-                       .https_listen = config.https.listen,
-                       .hosts = HostsOf(config.https.hosts),
-                       .plain_loopback = !config.tls.loopback,
-                       .audit = &audit,
-                       .ready = [&] { return Readiness(config.data_dir, *store, ingest); }}));
+      WebServer::Open(
+          {.data_dir = config.data_dir,
+           .grpc_listen = config.listen,
+           .https_listen = config.https.listen,
+           .hosts = HostsOf(config.https.hosts),
+           .plain_loopback = !config.tls.loopback,
+           .audit = &audit,
+           .ready = [&] { return Readiness(config.data_dir, store->Health(), ingest.Stats()); }}));
   Retention retention(RetentionOf(config.retention), store.get(), coordinator.get());
   RpcServer rpc(RpcOptions(config, identity), {.store = store.get(),
                                                .ingest = &ingest,

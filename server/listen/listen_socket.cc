@@ -74,6 +74,12 @@ absl::StatusOr<HostPort> ParseHostPort(const std::string& address) {
   return result;
 }
 
+std::string WithPort(const std::string& address, int port) {
+  const bool has_port = address.find(':') != std::string::npos && address.back() != ']';
+  const bool is_number = address.find_first_not_of("0123456789") == std::string::npos;
+  return has_port || is_number ? address : absl::StrCat(address, ":", port);
+}
+
 bool IsLoopbackAddress(const std::string& address) {
   const auto parts = ParseHostPort(address);
   if (!parts.ok()) return false;

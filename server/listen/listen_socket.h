@@ -17,6 +17,10 @@ struct HostPort {
 };
 absl::StatusOr<HostPort> ParseHostPort(const std::string& address);
 
+// HOST:PORT of what a user types: a host alone (an IPv6 address in brackets) gets this port.
+// Anything else stays as it is, right or wrong.
+std::string WithPort(const std::string& address, int port);
+
 // Only this machine can reach it: 127.0.0.0/8, ::1, localhost. False for what is not HOST:PORT.
 bool IsLoopbackAddress(const std::string& address);
 bool IsLoopback(const sockaddr_storage& address);

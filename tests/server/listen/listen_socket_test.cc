@@ -38,6 +38,18 @@ sockaddr_storage Six(const char* host, uint16_t port) {
   return address;
 }
 
+TEST(WithPort, AHostAloneGetsThePort) {
+  EXPECT_EQ(server::WithPort("0.0.0.0", 7420), "0.0.0.0:7420");
+  EXPECT_EQ(server::WithPort("server.lab", 7420), "server.lab:7420");
+  EXPECT_EQ(server::WithPort("[::1]", 7420), "[::1]:7420");
+}
+
+TEST(WithPort, AnythingElseStaysAsItIs) {
+  for (const char* address : {"127.0.0.1:0", "[::1]:80", "8080", ""}) {
+    EXPECT_EQ(server::WithPort(address, 7420), address);
+  }
+}
+
 TEST(ListenSocket, KnowsLoopback) {
   for (const char* own : {"127.0.0.1:7420", "127.1.2.3:0", "localhost:1", "[::1]:7420"}) {
     EXPECT_TRUE(server::IsLoopbackAddress(own)) << own;

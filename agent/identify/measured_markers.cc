@@ -5,7 +5,6 @@
 #include <cmath>
 #include <utility>
 
-#include "agent/detect/blobs/blob_contrast.h"
 #include "agent/identify/overlapping_markers.h"
 #include "agent/identify/squared.h"
 
@@ -72,7 +71,7 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
   measured.outline.reset();
   measured.beside.reset();
   measured.good = meter_.Measure(image, seen, &measured.centre) &&
-                  measured.centre.contrast_grey >= kMinContrastGrey;
+                  measured.centre.contrast_grey >= min_contrast_grey_;
   if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
   return &measured;
 }

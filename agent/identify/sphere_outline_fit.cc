@@ -18,6 +18,10 @@ constexpr double kMostOwnSlope = 0.2;  // one sigma, where white light can be to
 constexpr double kSky = 0.2, kSkySigma = 0.2;
 constexpr double kUsualEdgePx2 = 0.5;  // a pixel's own width and a little blur
 constexpr float kCauchy = 2.4f;        // sigmas
+// Another attempt from further away: the mean cost of a pixel with which it may begin, and the
+// widths of the robust loss by which it comes nearer.
+constexpr double kFarCost = 1.2;
+constexpr float kWiderLosses[] = {6, 3, 1.5f};
 constexpr size_t kFewest = kOutlineCount + 8;
 constexpr int kMaxRounds = 20;
 constexpr double kSettledPx = 0.004, kSettledCost = 0.5;
@@ -27,6 +31,9 @@ constexpr size_t kSectors = kOutlineSectors;
 constexpr double kOffPx = 0.3, kOffShare = 0.03;  // of an edge that is not on the outline
 constexpr double kLeastFollows = 0.6;
 constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'
+
+constexpr OutlineParameter kPlaceAndSize[] = {kOutlineX, kOutlineY, kOutlineRadius,
+                                              kOutlineBrightness};
 
 using OutlineVector = Eigen::Matrix<double, kOutlineCount, 1>;
 using OutlineMatrix = Eigen::Matrix<double, kOutlineCount, kOutlineCount>;
@@ -83,13 +90,13 @@ void SphereOutlineFitter::Weigh(const OutlinePixels& pixels, System* sums) {
   residual_.resize(count);
   weight_.resize(count);
   System& system = *sums;
-  constexpr float kPerCauchy2 = 1 / (kCauchy * kCauchy);
+  const float per_cauchy2 = 1 / (kCauchy * kCauchy * wider_loss_ * wider_loss_);
   double product = 1;
   for (size_t i = 0; i < count; ++i) {
     const float precision = pixels.precision[i];
     residual_[i] = pixels.coverage[i] - rows_.value(i);
     const float residual = residual_[i] * precision;
-    const float spread = 1 + residual * residual * kPerCauchy2;
+    const float spread = 1 + residual * residual * per_cauchy2;
     const float weight = precision > 0 ? 1 / spread : 0;
     weight_[i] = weight * precision * precision;
     // The sum of logarithms, a few pixels at a time.
@@ -103,7 +110,7 @@ void SphereOutlineFitter::Weigh(const OutlinePixels& pixels, System* sums) {
     system.weights += w;
     system.slopes += w * w;
   }
-  system.cost = 0.5 / static_cast<double>(kPerCauchy2) * (system.cost + std::log(product));
+  system.cost = 0.5 / static_cast<double>(per_cauchy2) * (system.cost + std::log(product));
 }
 
 SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,
@@ -223,36 +230,71 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
     system.cost += 0.5 * missing.dot(prior.cwiseProduct(missing));
     return system;
   };
+  const auto limit = [start](Vector* at) {
+    double& radius = (*at)[kOutlineRadius];
+    double& edge = (*at)[kOutlineEdge];
+    radius = std::clamp(radius, 0.5 * start->radius_px, 1.6 * start->radius_px);
+    edge = std::clamp(edge, 0.08, 0.25 * start->radius_px * start->radius_px + 2);
+  };
+  const auto step_of = [&shading](const Matrix& information, const Vector& gradient) {
+    return shading.white ? SolvedStep<kOutlineCount>(information, gradient)
+                         : SolvedStep<kOutlineOwnX>(information, gradient);
+  };
+  const Vector begin = q;
   System system = linearise(q);
-  double damping = 1e-3;
+  const int attempts = system.cost > kFarCost * static_cast<double>(pixels.size()) ? 2 : 1;
   bool settled = false, nearly = false, current = true;  // rows_ are those of q
-  for (int round = 0; round < kMaxRounds && !settled; ++round) {
-    Matrix damped = system.information.selfadjointView<Eigen::Lower>();
-    damped.diagonal() *= 1 + damping;
-    const Vector step = shading.white ? SolvedStep<kOutlineCount>(damped, system.gradient)
-                                      : SolvedStep<kOutlineOwnX>(damped, system.gradient);
-    if (!step.allFinite()) return false;
-    Vector next = q + step;
-    next[kOutlineRadius] =
-        std::clamp(next[kOutlineRadius], 0.5 * start->radius_px, 1.6 * start->radius_px);
-    next[kOutlineEdge] =
-        std::clamp(next[kOutlineEdge], 0.08, 0.25 * start->radius_px * start->radius_px + 2);
-    System there = linearise(next);
-    const double gained = system.cost - there.cost;
-    if (gained < -kSameCost) {
-      damping *= 8;
-      current = false;
-      // Where no step gains anything it has arrived.
-      settled = damping > 1e6;
-      continue;
+  for (int attempt = 0; attempt < attempts && !settled && !nearly; ++attempt) {
+    if (attempt > 0) {
+      // What a stick hides of a sphere moves its centroid so far that most of the edge looks like
+      // outliers. Graduated non-convexity (Blake and Zisserman, Visual Reconstruction, 1987): from
+      // a wide loss to a narrow one, with the shape and the light as they are expected.
+      q = begin;
+      for (const float wider : kWiderLosses) {
+        wider_loss_ = wider;
+        system = linearise(q);
+        Matrix place = Matrix::Identity();
+        Vector gradient = Vector::Zero();
+        for (const auto p : kPlaceAndSize) {
+          for (const auto r : kPlaceAndSize) {
+            place(p, r) = system.information(std::max(p, r), std::min(p, r));
+          }
+          gradient[p] = system.gradient[p];
+        }
+        const Vector step = step_of(place, gradient);
+        if (!step.allFinite()) break;
+        q += step;
+        limit(&q);
+      }
+      wider_loss_ = 1;
+      system = linearise(q);
+      current = true;
     }
-    damping = std::max(1e-6, 0.2 * damping);
-    const double moved_px = (next - q).head<2>().norm();
-    settled = moved_px < kSettledPx && gained < kSettledCost;
-    nearly = moved_px < kNearlyPx && gained < kNearlyCost;
-    q = next;
-    current = true;
-    system = std::move(there);
+    double damping = 1e-3;
+    for (int round = 0; round < kMaxRounds && !settled; ++round) {
+      Matrix damped = system.information.selfadjointView<Eigen::Lower>();
+      damped.diagonal() *= 1 + damping;
+      const Vector step = step_of(damped, system.gradient);
+      if (!step.allFinite()) return false;
+      Vector next = q + step;
+      limit(&next);
+      System there = linearise(next);
+      const double gained = system.cost - there.cost;
+      if (gained < -kSameCost) {
+        damping *= 8;
+        current = false;
+        // Where no step gains anything it has arrived.
+        settled = damping > 1e6;
+        continue;
+      }
+      damping = std::max(1e-6, 0.2 * damping);
+      const double moved_px = (next - q).head<2>().norm();
+      settled = moved_px < kSettledPx && gained < kSettledCost;
+      nearly = moved_px < kNearlyPx && gained < kNearlyCost;
+      q = next;
+      current = true;
+      system = std::move(there);
+    }
   }
   if (!settled && !nearly) return false;
   if (!((q.head<2>() - start->centre_px).norm() < 0.45 * start->radius_px + 0.3)) return false;

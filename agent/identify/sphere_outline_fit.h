@@ -129,6 +129,7 @@ class SphereOutlineFitter {
   System Linearise(const OutlinePixels& pixels, const Vector& parameters, bool white_light);
   void ReadEdge(const OutlinePixels& pixels, SphereOutline* outline) const;
 
+  float wider_loss_ = 1;  // than the usual robust loss
   OutlineRows rows_;
   std::vector<float> residual_, weight_;
 };

@@ -31,6 +31,9 @@ class WandVerifier {
   // Before the first Verify of an image. What was measured of it is not measured again.
   void StartImage() { markers_.StartImage(); }
 
+  // By which markers differ from what is around them, over all channels, from now on.
+  void RequireContrast(double grey) { markers_.RequireContrast(grey); }
+
   // Candidates by their costs; what is clearly worse than a wand that was found is not measured.
   // `tried`: sets of blobs of this image that were compared with the wand; the more, the better a
   // wand must be. `in_room`: of a lit room, in which much is as large as a small sphere. `work`:

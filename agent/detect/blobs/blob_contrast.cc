@@ -37,7 +37,8 @@ bool Read(const ImageView& image, const Eigen::Vector2d& at, Eigen::Vector3f* gr
 
 }  // namespace
 
-bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_core, float* alike) {
+bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_core, float* alike,
+               double min_contrast_grey) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
   eigen.computeDirect(blob.second_moment_px2);
   const Eigen::Vector2d semi = (4 * eigen.eigenvalues()).cwiseMax(0.25).cwiseSqrt();
@@ -62,7 +63,7 @@ bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_co
       ++different;  // what is outside says nothing against it
       continue;
     }
-    different += (core - grey).norm() >= static_cast<float>(kMinContrastGrey) ? 1 : 0;
+    different += (core - grey).norm() >= static_cast<float>(min_contrast_grey) ? 1 : 0;
   }
   if (its_core != nullptr) *its_core = core;
   if (alike != nullptr) *alike = 1 - static_cast<float>(different) / kDirections;

@@ -21,10 +21,19 @@ struct LevelRange {
   bool white;             // takes what the sensor has lost the colour of
   bool turned = false;    // takes the hues to which clipping turns the wand's
   bool whitened = false;  // takes what is bright in all channels instead
+  double dimmer = 1;      // of value_min
 };
-constexpr LevelRange kLevels[] = {
-    {0, 1, true},        {0.2, 1, true},   {0.4, 1, true},          {0.6, 1, true},
-    {0.35, 0.55, false}, {0, 0.55, false}, {0.2, 0.55, true, true}, {0, 0.55, false, false, true}};
+constexpr LevelRange kLevels[] = {{0, 1, true},
+                                  {0.2, 1, true},
+                                  {0.4, 1, true},
+                                  {0.6, 1, true},
+                                  {0.35, 0.55, false},
+                                  {0, 0.55, false},
+                                  {0.2, 0.55, true, true},
+                                  {0, 0.55, false, false, true},
+                                  // Noise gives colours to what is dark and grey.
+                                  {0, 1.1, false, false, false, 0.5}};
+constexpr double kDimContrastGrey = 20;
 constexpr double kPastSecondaryDeg = 3;
 constexpr int kLargeAreaPx = 800;
 constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
@@ -100,7 +109,8 @@ absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options) 
     BlobFinderOptions its = options;
     its.max_runs = std::min(its.max_runs, kMaxRuns);
     its.colour.value_min += static_cast<int>(level.brighter * (255 - its.colour.value_min));
-    its.colour.saturation_min *= level.paler;
+    its.colour.saturation_min = std::min(1.0, level.paler * its.colour.saturation_min);
+    its.colour.value_min = std::max(1, static_cast<int>(level.dimmer * its.colour.value_min));
     if (!level.white) its.colour.washed_out_min = kNeverWashedOut;
     if (level.turned) its.colour = WithClippedHues(its.colour);
     // A spot has the wand's colour, whatever it was found by.
@@ -124,6 +134,10 @@ bool HasOtherHalves(absl::Span<const Spot> spots, absl::Span<const int> chosen) 
       return other != one && spots[static_cast<size_t>(other)].pair == spot.pair;
     });
   });
+}
+
+double SpotFinder::min_contrast_grey() const {
+  return level_ == kDimLevel ? kDimContrastGrey : kMinContrastGrey;
 }
 
 void SpotFinder::SetIgnored(const PixelMask& ignored) {
@@ -191,7 +205,9 @@ void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut, int
   ++looked_at_;
   // A piece of a patch is held to the wand's colour too.
   float alike = 0;
-  if (!StandsOut(image, blob, &spot.core, &alike) || !HasColour(image, blob)) return;
+  if (!StandsOut(image, blob, &spot.core, &alike, min_contrast_grey()) || !HasColour(image, blob)) {
+    return;
+  }
   const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
   spot.doubt = kAlikeDoubt * static_cast<double>(alike) + ShapeDoubt(blob) +
                kSmallDoubt * std::max(0.0, kFewBelowPx - radius_px);

@@ -45,6 +45,9 @@ class SpotFinder {
   // Of spheres that white light has made brighter in all channels than what is behind them, which
   // is of their hue and has more colour.
   static constexpr size_t kWhitenedLevel = 7;
+  // Of spheres half as bright as configured: an exposure that is shorter than a blink catches a
+  // part of its light only.
+  static constexpr size_t kDimLevel = 8;
 
   // INVALID_ARGUMENT: options not valid.
   static absl::StatusOr<SpotFinder> Create(const BlobFinderOptions& options);
@@ -67,6 +70,8 @@ class SpotFinder {
   // Of the spots that were left out.
   double least_doubt_left() const { return least_doubt_left_; }
   size_t level() const { return level_; }
+  // By which a marker of that level differs from what is around it, over all channels.
+  double min_contrast_grey() const;
   // Blobs of the last Find, or Look.
   const BlobResult& result() const { return levels_[level_].blobs.result(); }
 

@@ -18,7 +18,7 @@ constexpr size_t kMaxPartial = 12, kFewThings = 12;
 constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may be
 constexpr double kWorkOfPartial = 4000, kShareOfPartial = 1.0 / 3;  // their verification
 constexpr double kWorkOfParts = 4500;                               // of both, what others leave
-constexpr double kWorkOfWhole = 3000;                               // that another look finds
+constexpr double kWorkOfWhole = 7000;                               // that another look finds
 constexpr double kPartialConfidence = 0.65;
 constexpr double kTriedOdds = 0.5, kFewPlaces = 150;
 
@@ -39,7 +39,7 @@ constexpr size_t kFirstCandidates = 2;
 constexpr double kWhiteRoom = 0.01;       // of the pixels: more than saturated spheres
 constexpr double kLeastLit = 0.02;        // of the pixels
 constexpr double kMostlyItsColour = 0.2;  // of the pixels
-constexpr double kLittleMs = 1.8;
+constexpr double kLittleMs = 1.8, kDimMs = 2.4;
 constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for in another level
 constexpr double kWholeGain = 5;         // in cost, against the same with a hidden marker
 constexpr double kNoFurtherMs = 3.1;     // by the times above: no other level is begun
@@ -49,9 +49,11 @@ constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
 
 }  // namespace
 
-WandSearch::WandSearch(const WandLimits& limits, int washed_out_min, const Target& target,
-                       const CameraDescription& camera, SpotFinder spot_finder)
+WandSearch::WandSearch(const WandLimits& limits, int washed_out_min, bool may_be_dim,
+                       const Target& target, const CameraDescription& camera,
+                       SpotFinder spot_finder)
     : washed_out_min_(washed_out_min),
+      may_be_dim_(may_be_dim),
       image_size_px_(camera.image_size_px),
       wand_finder_({.limits = limits, .max_candidates = kMaxCandidates}, target, camera),
       verifier_(limits.min_confidence),
@@ -116,7 +118,7 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
     if (EstimatedMs() > kNoFurtherMs) return true;
     verdict = Search(image, image.Bounds(), level);
     if (verdict.wand && verdict.wand->OccludedCount() > 0 && level < SpotFinder::kPaleLevels[1] &&
-        EstimatedMs() < kAnotherLevelMs && IsLit(image)) {
+        EstimatedMs() < kAnotherLevelMs && (is_white || IsLit(image))) {
       if (!*of_parts || verdict.wand->cost < (*of_parts)->cost) *of_parts = verdict.wand;
       verdict.wand.reset();
     }
@@ -133,12 +135,14 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
   }
   // No light of a dark room whitens a sphere.
   if (!is_white && !IsLit(image)) {
-    if (!has_rivals_ && passed_share_ > 0) search(SpotFinder::kClippedLevel);
+    if (has_rivals_ || (passed_share_ > 0 && search(SpotFinder::kClippedLevel))) return verdict;
+    if (may_be_dim_) search(SpotFinder::kDimLevel);
     return verdict;
   }
   for (const size_t level : SpotFinder::kPaleLevels) {
     if (search(level)) return verdict;
   }
+  if (may_be_dim_ && EstimatedMs() < kDimMs && search(SpotFinder::kDimLevel)) return verdict;
   // Where hardly anything has a colour the spheres may be white too.
   if (is_white && EstimatedMs() < kLittleMs) search(SpotFinder::kWideLevels[0]);
   return verdict;
@@ -201,6 +205,7 @@ Verdict WandSearch::VerifyFound(const ImageView& image, double most_work) {
 Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t level) {
   window_ = part;
   spot_finder_.Find(image, part, level);
+  verifier_.RequireContrast(spot_finder_.min_contrast_grey());
   cut_short_ |= !spot_finder_.has_all();
   standing_out_.clear();
   cores_.clear();
@@ -329,7 +334,8 @@ void WandSearch::TryWhole(const ImageView& image, VerifiedWand* wand) {
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, {&*whole, 1},
                                      kMaxFits - fits_left_, IsLit(image), &work);
   work_left_ += work;
-  if (!verdict.wand || verdict.wand->OccludedCount() > 0 || verdict.wand->cost > wand->cost) {
+  if (!verdict.wand || verdict.wand->OccludedCount() > 0 ||
+      verdict.wand->cost > wand->cost + kWholeGain) {
     return;
   }
   *wand = *std::move(verdict.wand);

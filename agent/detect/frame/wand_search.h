@@ -18,8 +18,9 @@ namespace rigcal::agent {
 // computer. Movable; one thread at a time.
 class WandSearch {
  public:
-  // Options, target and camera must be valid. `washed_out_min`: see ColourRange.
-  WandSearch(const WandLimits& limits, int washed_out_min, const Target& target,
+  // Options, target and camera must be valid. `washed_out_min`: see ColourRange. `may_be_dim`: the
+  // exposure may have caught a part of the spheres' light only.
+  WandSearch(const WandLimits& limits, int washed_out_min, bool may_be_dim, const Target& target,
              const CameraDescription& camera, SpotFinder spot_finder);
 
   SpotFinder& spot_finder() { return spot_finder_; }
@@ -55,6 +56,7 @@ class WandSearch {
   Verdict SearchLevels(const ImageView& image, std::optional<VerifiedWand>* of_parts);
 
   int washed_out_min_;
+  bool may_be_dim_;
   ImageSize image_size_px_;
   WandFinder wand_finder_;
   WandVerifier verifier_;

@@ -120,5 +120,17 @@ TEST(SpotFinder, APaleDiscBeforeItsOwnHueIsFoundByItsWhite) {
   EXPECT_TRUE(SpotsAt(finder, 300, 200, 2).empty());
 }
 
+// Half as bright as configured.
+TEST(SpotFinder, ADimDiscIsFoundInTheDimLevelOnly) {
+  SpotFinder finder = MustCreate();
+  Picture picture(20);
+  picture.AddDisc(300, 200, 7, {8, 26, 45});
+  for (const size_t level : {size_t{0}, SpotFinder::kPaleLevels[1], SpotFinder::kDimLevel}) {
+    finder.BeginImage();
+    finder.Find(picture.View(), picture.View().Bounds(), level);
+    EXPECT_EQ(SpotsAt(finder, 300, 200, 0.5).size(), level == SpotFinder::kDimLevel ? 1u : 0u);
+  }
+}
+
 }  // namespace
 }  // namespace rigcal::agent::spot_finder_test

@@ -20,6 +20,8 @@ constexpr double kWorkOfPixel = 0.08;  // against one that is measured
 // Of a part, against the whole marker.
 constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
                  kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
+// Where it is as bright all around, as before a window, some of that is seen past the marker.
+constexpr double kPastMarker = 0.5;
 constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 1.5;
 // Of a sliver, blurred with what is around: as shares of the way from there to a whole marker.
 constexpr double kLeastSliverContrast = 50;  // grey levels, of a marker
@@ -127,19 +129,23 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
   part.share = static_cast<double>(sums.area) / disc;
   const double least_solid = std::max(kLeastSolid, kLeastSolidShare * disc);
   if (part.share < kLeastShare || nearly_solid < least_solid) return std::nullopt;
-  // What hides a marker is hardly as bright as it is: that is a lamp or a label with a rim.
-  if (other > std::max(kMostOther * disc, kOtherShare * static_cast<double>(sums.area))) {
-    return std::nullopt;
-  }
-  int ring = 0, around = 0;
+  int ring = 0, around = 0, other_around = 0;
   for_each(to, [&](int x, int y) {
     const double squared = Squared(x - centre_px.x()) + Squared(y - centre_px.y());
     if (squared < from * from || squared > to * to) return;
     ++ring;
-    around += is_alike(x, y) ? 1 : 0;
+    const bool alike = is_alike(x, y);
+    around += alike ? 1 : 0;
+    other_around += as_bright && !alike ? 1 : 0;
   });
   *work -= kWorkOfPixel * read;
   if (ring == 0) return std::nullopt;
+  // What hides a marker is hardly as bright as it is: that is a lamp or a label with a rim.
+  const double past = kPastMarker * other_around / ring;
+  if (other >
+      std::max(std::max(kMostOther, past) * disc, kOtherShare * static_cast<double>(sums.area))) {
+    return std::nullopt;
+  }
   part.around = static_cast<double>(around) / ring;
   // The rim of something brighter has the others' colour by chance, but only a pixel wide.
   if (brighter > 0 && solid < least_solid) return std::nullopt;
@@ -216,6 +222,7 @@ std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vec
   }
   HiddenPart part;
   part.share = area_px / disc;
+  part.is_sliver = true;
   part.cost = kSliverCost + kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
   part.blob = ToBlob(sums, image);
   return part;

@@ -14,6 +14,7 @@ struct HiddenPart {
   double share = 0;   // of the marker's disc that looks like the others
   double around = 0;  // the same of a ring around it
   double cost = 0;
+  bool is_sliver = false;
   Blob blob;
 };
 

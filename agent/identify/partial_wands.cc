@@ -144,6 +144,7 @@ class PartSearch {
     candidate.cost = candidate.fit.cost + pair_cost + best->cost;
     candidate.partial_cost = best->cost;
     candidate.partial_share = best->share;
+    candidate.is_sliver = best->is_sliver;
     found_.blobs.push_back(best->blob);
     found_.candidates.push_back(candidate);
   }

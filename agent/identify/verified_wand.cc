@@ -10,7 +10,7 @@ namespace {
 constexpr double kBrightnessSigma = 0.2, kDarkBrightnessSigma = 0.4;  // of its logarithm
 constexpr double kColourSigma = 0.12;                                 // rad
 constexpr double kSkewness = 0.012;
-constexpr double kSamePlace = 0.8;  // of a radius
+constexpr double kSamePlace = 0.8, kSamePart = 1.3;  // of a radius
 
 }  // namespace
 
@@ -75,7 +75,10 @@ bool SamePlaces(const VerifiedWand& a, const VerifiedWand& b) {
   const auto same = [&](bool flipped) {
     for (size_t k = 0; k < count; ++k) {
       const MarkerCentre &one = a.centres[k], &other = b.centres[flipped ? count - 1 - k : k];
-      const double reach_px = kSamePlace * std::max(one.radius_px, other.radius_px);
+      // The middle of a part that is seen is anywhere within the marker.
+      const bool is_part = !flipped && !(a.whole[k] && b.whole[k]);
+      const double reach_px =
+          (is_part ? kSamePart : kSamePlace) * std::max(one.radius_px, other.radius_px);
       if (!((one.centre_px - other.centre_px).norm() < reach_px)) return false;
     }
     return true;

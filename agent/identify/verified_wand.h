@@ -17,7 +17,8 @@ struct VerifiedWand {
   double diameter_m = 0;                    // of the spheres; 0: not known
   WandImageFit fit;
   double cost = 0;              // chi-squared of pose, shape and likeness
-  double confidence = 0;        // 0 to 1, from the cost
+  double evidence = 0;          // of what the cost does not count, as a chi-squared
+  double confidence = 0;        // 0 to 1, from both
   double label_confidence = 1;  // 0.5 to 1: against the same blobs with flipped labels
 
   int OccludedCount() const;

@@ -45,6 +45,7 @@ struct WandCandidate {
   int partial = -1;          // the marker of which only a part is seen (FindPartialWands)
   double partial_cost = 0;   // that it is a part of one, as a chi-squared
   double partial_share = 0;  // of its disc, that is seen
+  bool is_sliver = false;    // it is a sliver (LookForSliver)
   bool has_stick = false;    // a stick is seen between the other two
 };
 

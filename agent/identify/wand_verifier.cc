@@ -30,6 +30,9 @@ constexpr double kMostHidden = 0.2;  // of a marker, by others of the wand
 constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
                  kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5;
 constexpr double kSeenStickGain = 2;
+// Of two things and a part: how much more often they are a wand than their cost says, where a stick
+// is seen between them or a sliver is a mixture of their colour and what is around.
+constexpr double kStickEvidence = 2.5, kSliverEvidence = 3.5;
 constexpr double kMargin = 8;  // in cost, of a wand against the next best
 constexpr double kFlippedMargin = 5.5;
 constexpr double kBrighter = 1.25;  // than its reflection
@@ -193,8 +196,10 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand, in_room_) +
                  Squared(ColourDifference(wand) / kPartialColourSigma) -
                  (1 - kPartialChance) * chance_cost_;
+    if (candidate.has_stick && candidate.partial_share > 0) wand.evidence += kStickEvidence;
+    if (candidate.is_sliver) wand.evidence += kSliverEvidence;
   }
-  wand.confidence = ConfidenceOf(wand.cost);
+  wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
   return wand;
 }
 
@@ -325,7 +330,7 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
   return cost;
 }
 
-void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
+bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   OutlinedMarkers markers(wand->blobs.size());
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k] || !markers_.OutlineOf(image, wand->blobs[k])) continue;
@@ -333,6 +338,8 @@ void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
     markers[k] = {&*measured.outline, &measured.pixels};
   }
   SetOutlinedCentres(markers, markers_.fitter(), wand);
+  const size_t seen = wand->blobs.size() - static_cast<size_t>(wand->OccludedCount());
+  return seen >= std::min<size_t>(2, wand->blobs.size());
 }
 
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
@@ -364,7 +371,7 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
   for (VerifiedWand& wand : evaluated_) {
     wand.cost += ShapeCost(image, wand);
-    wand.confidence = ConfidenceOf(wand.cost);
+    wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
   }
   Verdict verdict = Choose();
   verdict.measured = count;

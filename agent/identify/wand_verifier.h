@@ -41,8 +41,9 @@ class WandVerifier {
   // left out. The wand's centres are those of a first look, for FitOutlines.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
                  absl::Span<const WandCandidate> candidates, int tried, bool in_room, double* work);
-  // Centres of the outlines of the last Verify's wand where those can be fitted.
-  void FitOutlines(const ImageView& image, VerifiedWand* wand);
+  // Centres of the outlines of the last Verify's wand where those can be fitted. False: they show
+  // that fewer than two of its markers are whole, so it is no wand.
+  [[nodiscard]] bool FitOutlines(const ImageView& image, VerifiedWand* wand);
 
  private:
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,

@@ -2,6 +2,7 @@
 #include "agent/detect/frame/wand_search.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -244,7 +245,7 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
   }
   if (!verdict.wand) return verdict;
   if (all && !wand_finder_.cut_short()) {
-    verifier_.FitOutlines(image, &*verdict.wand);
+    if (!verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();
     return verdict;
   }
   // What was left out may be as good.
@@ -259,7 +260,7 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
   verdict.ambiguous = is_rival_left || (verdict.left_out && !all &&
                                         order[verdict.measured].first < its_cost + worse);
   if (!verdict.ambiguous) {
-    verifier_.FitOutlines(image, &*verdict.wand);
+    if (!verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();
     return verdict;
   }
   const bool is_whole = verdict.wand->OccludedCount() == 0;
@@ -321,7 +322,7 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
                        verdict.wand->label_confidence < kPartialConfidence)) {
     verdict.wand.reset();
   }
-  if (verdict.wand) verifier_.FitOutlines(image, &*verdict.wand);
+  if (verdict.wand && !verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();
   if (verdict.wand) TryWhole(image, &*verdict.wand);
   return verdict;
 }
@@ -331,15 +332,18 @@ void WandSearch::TryWhole(const ImageView& image, VerifiedWand* wand) {
   if (!whole) return;
   double work = std::min(work_left_, kWorkOfWhole);
   work_left_ -= work;
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, {&*whole, 1},
+  // Its labels are as certain as the other way round is worse.
+  std::array<WandCandidate, 2> both = {*whole, *whole};
+  std::ranges::reverse(both[1].blobs);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, both,
                                      kMaxFits - fits_left_, IsLit(image), &work);
   work_left_ += work;
-  if (!verdict.wand || verdict.wand->OccludedCount() > 0 ||
-      verdict.wand->cost > wand->cost + kWholeGain) {
+  if (!verdict.wand || verdict.wand->blobs != whole->blobs || verdict.wand->OccludedCount() > 0 ||
+      verdict.wand->cost > wand->cost + kWholeGain ||
+      verdict.wand->label_confidence < kPartialConfidence) {
     return;
   }
-  *wand = *std::move(verdict.wand);
-  verifier_.FitOutlines(image, wand);
+  if (verifier_.FitOutlines(image, &*verdict.wand)) *wand = *std::move(verdict.wand);
 }
 
 std::optional<VerifiedWand> WandSearch::SearchPart(const ImageView& image, const PixelRect& part) {

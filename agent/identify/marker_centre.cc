@@ -390,7 +390,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
                if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
                pixels->Add(at_x, at_y, above[channel] / range[channel],
                            1 / std::hypot(single_noise / range[channel], model_noise),
-                           std::min(kMostWhite, range.maxCoeff() / std::abs(range[channel])),
+                           std::clamp(range.maxCoeff() / range[channel], -kMostWhite, kMostWhite),
                            background[channel] >= kSaturated);
              });
   pixels->FillUp();

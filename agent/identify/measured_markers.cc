@@ -17,6 +17,8 @@ constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
 constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
 constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
 constexpr int kNearRounds = 2;
+constexpr double kUnevenBackground = 0.04;  // steps, of the contrast
+constexpr double kMostEdgePx = 1;           // the blur of a softer one reaches what is beside it
 // What the other spheres say of one.
 constexpr double kByOthersRadiusPx = 0.1, kByOthersRadiusShare = 0.03, kOtherStretch = 0.03,
                  kOtherEdgePx2 = 0.3;
@@ -175,6 +177,25 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineIn(const ImageView& 
   measured.by_others = true;
   std::swap(measured.pixels, retry_);
   return measured.outline;
+}
+
+void MeasuredMarkers::FitBeside(const ImageView& image, int blob) {
+  MeasuredMarker& measured = OfBlob(blob);
+  const MarkerCentre& centre = measured.centre;
+  if (!measured.outline || centre.has_neighbour || measured.beside || measured.by_others ||
+      centre.cut || centre.background_steps < kUnevenBackground ||
+      measured.outline->edge_px > kMostEdgePx) {
+    return;
+  }
+  const Blob around{.centre_px = measured.outline->centre_px,
+                    .second_moment_px2 = measured.outline->SecondMoment()};
+  SphereOutline again = *measured.outline;
+  if (!meter_.CollectNear(image, around, centre, &retry_) ||
+      !fitter_.Fit(retry_, around.second_moment_px2, {}, &again) || !IsOnOutline(again)) {
+    return;
+  }
+  measured.outline = again;
+  std::swap(measured.pixels, retry_);
 }
 
 }  // namespace rigcal::agent

@@ -55,6 +55,8 @@ class MeasuredMarkers {
   // cannot be told from what is around it.
   const std::optional<SphereOutline>& OutlineIn(const ImageView& image, const VerifiedWand& wand,
                                                 size_t marker);
+  // Fits the outline again, against what is right beside it, where that differs around the marker.
+  void FitBeside(const ImageView& image, int blob);
   SphereOutlineFitter* fitter() { return &fitter_; }
 
  private:

@@ -21,16 +21,13 @@ void MarkStick(const VerifiedWand& wand, size_t marker, const SphereOutline& out
   const Eigen::Vector2d along = way_px.normalized();
   const double half_px = kHalfShare * outline.radius_px + kHalfPx;
   const double leaves_px = outline.radius_px * std::cos(wand.fit.tilt_rad) - kBlurPx;
-  const double rim_px = outline.radius_px - kBlurPx;
-  const bool last_nearer = wand.fit.last_m.norm() < wand.fit.first_m.norm();
-  const double from_px[] = {last_nearer ? rim_px : leaves_px, last_nearer ? leaves_px : rim_px};
   for (size_t i = 0; i < pixels->size(); ++i) {
     const Eigen::Vector2d d(static_cast<double>(pixels->x[i]) - outline.centre_px.x(),
                             static_cast<double>(pixels->y[i]) - outline.centre_px.y());
     if (std::abs(d.x() * along.y() - d.y() * along.x()) > half_px) continue;
     const double ahead_px = d.dot(along);
-    if (ahead_px < -from_px[0]) pixels->stick_side[i] = 1;
-    if (ahead_px > from_px[1]) pixels->stick_side[i] = 2;
+    if (ahead_px < -leaves_px) pixels->stick_side[i] = 1;
+    if (ahead_px > leaves_px) pixels->stick_side[i] = 2;
   }
 }
 

@@ -10,9 +10,9 @@
 namespace rigcal::agent {
 
 // Marks the pixels on which the stick may be that carries the spheres (OutlinePixels::stick_side):
-// a band along the wand, from the outline outwards, and on the side that points at the camera from
-// where it leaves the sphere. Lit by the spheres it makes them longer, dark before them shorter,
-// on one side or on both. Nothing is marked of a wand with one marker.
+// a band along the wand, from where it leaves a sphere that points at the camera so much, on both
+// sides: which one does is not told well. Lit by the spheres it makes them longer, dark before them
+// shorter, on one side or on both. Nothing is marked of a wand with one marker.
 void MarkStick(const VerifiedWand& wand, size_t marker, const SphereOutline& outline,
                OutlinePixels* pixels);
 

@@ -334,6 +334,7 @@ bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   OutlinedMarkers markers(wand->blobs.size());
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k] || !markers_.OutlineOf(image, wand->blobs[k])) continue;
+    markers_.FitBeside(image, wand->blobs[k]);
     MeasuredMarker& measured = markers_.OfBlob(wand->blobs[k]);
     markers[k] = {&*measured.outline, &measured.pixels};
   }

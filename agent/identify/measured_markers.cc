@@ -187,8 +187,9 @@ void MeasuredMarkers::FitBeside(const ImageView& image, int blob) {
       measured.outline->edge_px > kMostEdgePx) {
     return;
   }
-  const Blob around{.centre_px = measured.outline->centre_px,
-                    .second_moment_px2 = measured.outline->SecondMoment()};
+  Blob around;
+  around.centre_px = measured.outline->centre_px;
+  around.second_moment_px2 = measured.outline->SecondMoment();
   SphereOutline again = *measured.outline;
   if (!meter_.CollectNear(image, around, centre, &retry_) ||
       !fitter_.Fit(retry_, around.second_moment_px2, {}, &again) || !IsOnOutline(again)) {

@@ -254,7 +254,8 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
   spots_.clear();
   BlobFinder& finder = levels_[level_].blobs;
   const bool is_known = looked_ && level_ == 0 && part == image.Bounds();
-  const BrightWords* const bright = looked_ ? &bright_ : nullptr;
+  // What the widest level takes for dark may be bright for the dim one.
+  const BrightWords* const bright = looked_ && level_ != kDimLevel ? &bright_ : nullptr;
   const BlobResult& found = is_known ? finder.result() : finder.Find(image, part, bright);
   runs_ += found.run_count;
   searches_ += found.row_count == image.height ? 1 : 0;

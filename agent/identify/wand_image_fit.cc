@@ -25,6 +25,8 @@ class TiltSearch {
     width_ = chord_.norm();
     along_ = chord_ / width_;
     normal_ = sights.front().ray.cross(sights.back().ray).normalized();
+    first_along_ = sights.front().ray.dot(along_);
+    last_along_ = sights.back().ray.dot(along_);
     distances_m_.resize(sights.size());
     for (size_t k = 0; k < sights.size(); ++k) {
       const MarkerSight& sight = sights[k];
@@ -33,6 +35,7 @@ class TiltSearch {
                               Squared((1 - shares[k]) * sights.front().sigma_px) +
                               Squared(shares[k] * sights.back().sigma_px));
       across_.push_back(Squared(sight.ray.dot(normal_)));
+      ray_along_.push_back(sight.ray.dot(along_));
       radius_weight_.push_back(1 / Squared(sight.radius_sigma_px));
       radius_weights_ += radius_weight_.back();
     }
@@ -40,30 +43,32 @@ class TiltSearch {
 
   bool usable() const { return width_ > 1e-9 && width_ < 1.9; }
 
-  // The ends lie at an angle of tangent `slope` to the plane across the line of sight.
+  // The ends lie at an angle of tangent `slope` to the plane across the line of sight. Of points
+  // between the rays only the distance and the part along the chord are needed: with unit rays a, b
+  // of distance w, |p a + q b|^2 = (p + q)^2 - p q w^2.
   double Cost(double slope, WandImageFit* fit) {
     const double half = std::clamp(0.5 * width_ * slope, -0.95, 0.95);
     const double near = 1 - half, far = 1 + half;  // distances of the ends, of their mean
-    const Eigen::Vector3d line = far * sights_.back().ray - near * sights_.front().ray;
-    const double mean_m = length_m_ / line.norm();
-    const Eigen::Vector3d first = mean_m * near * sights_.front().ray;
-    const Eigen::Vector3d last = mean_m * far * sights_.back().ray;
-    if (fit != nullptr) *fit = {0, first, last, 0};
+    const double squared_width = width_ * width_;
+    const double mean_m = length_m_ / std::sqrt(Squared(far - near) + far * near * squared_width);
+    if (fit != nullptr) {
+      *fit = {0, mean_m * near * sights_.front().ray, mean_m * far * sights_.back().ray, 0};
+    }
     if (!(mean_m * std::min(near, far) >= options_.min_distance_m) ||
         !(mean_m * std::max(near, far) <= options_.max_distance_m)) {
       return std::numeric_limits<double>::infinity();
     }
-    const Eigen::Vector3d span = last - first;
     const size_t end = sights_.size() - 1;
     distances_m_[0] = mean_m * near;
     distances_m_[end] = mean_m * far;
     double cost = 0;
     for (size_t k = 1; k < end; ++k) {
       const MarkerSight& sight = sights_[k];
-      const Eigen::Vector3d x = first + shares_[k] * span;
-      distances_m_[k] = x.norm();
+      const double p = (1 - shares_[k]) * near, q = shares_[k] * far;
+      const double length = std::sqrt(Squared(p + q) - p * q * squared_width);
+      distances_m_[k] = mean_m * length;
       const double play_px = options_.span_sigma_m / distances_m_[k] * sight.scale_px;
-      const double beside = sight.ray.dot(along_) - x.dot(along_) / distances_m_[k];
+      const double beside = ray_along_[k] - (p * first_along_ + q * last_along_) / length;
       cost += (Squared(beside) + across_[k]) * Squared(sight.scale_px) /
               (variance_px2_[k] + Squared(play_px));
     }
@@ -99,9 +104,9 @@ class TiltSearch {
   double length_m_;
   const WandImageFitOptions& options_;
   Eigen::Vector3d chord_, along_, normal_;
-  double width_ = 0;
-  // By marker: of its place, squared distance from the line, of its radius.
-  absl::InlinedVector<double, 4> variance_px2_, across_, radius_weight_, distances_m_;
+  double width_ = 0, first_along_ = 0, last_along_ = 0;
+  // By marker: of its place, squared distance from the line, along the chord, of its radius.
+  absl::InlinedVector<double, 4> variance_px2_, across_, ray_along_, radius_weight_, distances_m_;
   double radius_weights_ = 0;
 };
 
@@ -111,24 +116,33 @@ bool FitWand(absl::Span<const MarkerSight> sights, absl::Span<const double> shar
              const WandImageFitOptions& options, WandImageFit* fit) {
   TiltSearch search(sights, shares, length_m, options);
   if (!search.usable()) return false;
-  double best = std::numeric_limits<double>::infinity(), best_tilt = 0;
+  double best = std::numeric_limits<double>::infinity(), best_tilt = 0, best_slope = 0;
   const auto attempt = [&](double tilt, double slope) {
     const double cost = search.Cost(slope, nullptr);
-    if (cost < best) best = cost, best_tilt = tilt;
+    if (cost < best) best = cost, best_tilt = tilt, best_slope = slope;
   };
   const double step = 2 * options.max_tilt_rad / (kTilts - 1);
+  // Of the sum of two angles, by their tangents.
+  const auto added = [](double a, double b) { return (a + b) / (1 - a * b); };
   attempt(0, 0);
+  const double step_slope = std::tan(step);
+  double slope = 0;
   for (int i = 1; i <= kTilts / 2; ++i) {
-    const double tilt = i * step, slope = std::tan(tilt);
-    attempt(tilt, slope);
-    attempt(-tilt, -slope);
+    slope = added(slope, step_slope);
+    attempt(i * step, slope);
+    attempt(-i * step, -slope);
   }
   if (!std::isfinite(best)) return false;
   double width = 0.5 * step;
   for (int i = 0; i < kRefinements; ++i, width *= 0.6) {
-    for (const double tilt : {best_tilt - width, best_tilt + width}) {
-      if (std::abs(tilt) <= options.max_tilt_rad) attempt(tilt, std::tan(tilt));
-    }
+    // Of a small angle: less than 1e-12 is left out.
+    const double squared = width * width;
+    const double by =
+        width * (1 + squared * (1.0 / 3 + squared * (2.0 / 15 + squared * (17.0 / 315))));
+    const double low = best_tilt - width, high = best_tilt + width;
+    const double low_slope = added(best_slope, -by), high_slope = added(best_slope, by);
+    if (std::abs(low) <= options.max_tilt_rad) attempt(low, low_slope);
+    if (std::abs(high) <= options.max_tilt_rad) attempt(high, high_slope);
   }
   search.Cost(std::tan(best_tilt), fit);
   fit->cost = best;

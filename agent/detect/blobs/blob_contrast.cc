@@ -27,8 +27,9 @@ struct Directions {
 };
 
 bool Read(const ImageView& image, const Eigen::Vector2d& at, Eigen::Vector3f* grey) {
-  const int x = static_cast<int>(std::lround(at.x())), y = static_cast<int>(std::lround(at.y()));
-  if (x < 0 || y < 0 || x >= image.width || y >= image.height) return false;
+  if (!(at.x() > -0.5 && at.y() > -0.5)) return false;
+  if (!(at.x() < image.width - 0.5 && at.y() < image.height - 0.5)) return false;
+  const int x = static_cast<int>(at.x() + 0.5), y = static_cast<int>(at.y() + 0.5);
   const int bytes = BytesPerPixel(image.format);
   const uint8_t* pixel = image.Row(y) + x * bytes;
   for (int k = 0; k < 3; ++k) (*grey)[k] = k < bytes ? static_cast<float>(pixel[k]) : 0;

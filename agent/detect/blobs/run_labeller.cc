@@ -26,20 +26,21 @@ void Add(const ComponentSums& other, ComponentSums* sums) {
 }
 
 // Columns [begin, end) of row y. With n columns: sum x = n (begin + end - 1) / 2, and
-// sum x^2 = n begin^2 + begin n (n - 1) + (n - 1) n (2 n - 1) / 6.
-void AddRun(int64_t y, int64_t begin, int64_t end, ComponentSums* sums) {
-  const int64_t n = end - begin;
-  const int64_t sum_x = n * (begin + end - 1) / 2;
-  sums->area += n;
-  sums->x += sum_x;
-  sums->y += n * y;
-  sums->xx += begin * (n * begin + n * (n - 1)) + (n - 1) * n * (2 * n - 1) / 6;
-  sums->xy += y * sum_x;
-  sums->yy += n * y * y;
-  sums->min_x = std::min(sums->min_x, static_cast<int32_t>(begin));
-  sums->max_x = std::max(sums->max_x, static_cast<int32_t>(end - 1));
-  sums->min_y = std::min(sums->min_y, static_cast<int32_t>(y));
-  sums->max_y = static_cast<int32_t>(y);
+// sum x^2 = n begin (end - 1) + (n - 1) n (2 n - 1) / 6.
+ComponentSums SumsOf(uint64_t y, uint64_t begin, uint64_t end) {
+  const uint64_t n = end - begin;
+  const uint64_t sum_x = n * (begin + end - 1) / 2, sum_y = n * y;
+  ComponentSums sums;
+  sums.area = static_cast<int64_t>(n);
+  sums.x = static_cast<int64_t>(sum_x);
+  sums.y = static_cast<int64_t>(sum_y);
+  sums.xx = static_cast<int64_t>(n * begin * (end - 1) + (n - 1) * n * (2 * n - 1) / 6);
+  sums.xy = static_cast<int64_t>(y * sum_x);
+  sums.yy = static_cast<int64_t>(sum_y * y);
+  sums.min_x = static_cast<int32_t>(begin);
+  sums.max_x = static_cast<int32_t>(end - 1);
+  sums.min_y = sums.max_y = static_cast<int32_t>(y);
+  return sums;
 }
 
 }  // namespace
@@ -54,8 +55,7 @@ void RunLabeller::Start(int max_words) {
   }
   above_y_ = kNoRow;
   run_count_ = 0;
-  parent_.clear();
-  sums_.clear();
+  label_count_ = 0;
 }
 
 int RunLabeller::FindRuns(int first_column, const uint64_t* words, int word_count) {
@@ -93,23 +93,34 @@ int32_t RunLabeller::Join(int32_t a, int32_t b) {
 }
 
 void RunLabeller::Link(int y, int run_count) {
+  // Each run may be a component of its own.
+  const auto most = static_cast<size_t>(label_count_ + run_count);
+  if (parent_.size() < most) {
+    parent_.resize(2 * most);
+    sums_.resize(2 * most);
+  }
+  int32_t* const parent = parent_.data();
+  ComponentSums* const sums = sums_.data();
+  const int32_t* const edges = row_.edges.data();
+  int32_t* const labels = row_.labels.data();
   const int32_t* above = above_.edges.data();
   const int32_t* above_label = above_.labels.data();
   for (int i = 0; i < run_count; ++i) {
-    const int32_t begin = row_.edges[static_cast<size_t>(2 * i)];
-    const int32_t end = row_.edges[static_cast<size_t>(2 * i + 1)];
+    const int32_t begin = edges[2 * i], end = edges[2 * i + 1];
+    const ComponentSums own =
+        SumsOf(static_cast<uint64_t>(y), static_cast<uint64_t>(begin), static_cast<uint64_t>(end));
     for (; above[1] < begin; above += 2) ++above_label;
-    int32_t label = *above_label;
     if (above[0] > end) {
-      label = static_cast<int32_t>(parent_.size());
-      parent_.push_back(label);
-      sums_.emplace_back();
-    } else {
-      // A run above that reaches past this one may touch the next one too.
-      for (; above[2] <= end; above += 2) label = Join(label, *++above_label);
+      const int32_t label = label_count_++;
+      parent[label] = labels[i] = label;
+      sums[label] = own;
+      continue;
     }
-    row_.labels[static_cast<size_t>(i)] = label;
-    AddRun(y, begin, end, &sums_[static_cast<size_t>(label)]);
+    int32_t label = *above_label;
+    // A run above that reaches past this one may touch the next one too.
+    for (; above[2] <= end; above += 2) label = Join(label, *++above_label);
+    labels[i] = label;
+    Add(own, &sums[label]);
   }
 }
 
@@ -125,17 +136,17 @@ void RunLabeller::AddRow(int y, int first_column, const uint64_t* words, int wor
 
 const std::vector<ComponentSums>& RunLabeller::Finish() {
   // A label's parent is smaller, so by the time a label is reached its own sums are complete.
-  for (size_t label = parent_.size(); label-- > 0;) {
+  const auto count = static_cast<size_t>(label_count_);
+  for (size_t label = count; label-- > 0;) {
     const auto parent = static_cast<size_t>(parent_[label]);
     if (parent != label) Add(sums_[label], &sums_[parent]);
   }
-  size_t count = 0;
-  for (size_t label = 0; label < parent_.size(); ++label) {
-    if (parent_[label] == static_cast<int32_t>(label)) sums_[count++] = sums_[label];
+  found_.clear();
+  for (size_t label = 0; label < count; ++label) {
+    if (parent_[label] == static_cast<int32_t>(label)) found_.push_back(sums_[label]);
   }
-  sums_.resize(count);
-  parent_.clear();
-  return sums_;
+  label_count_ = 0;
+  return found_;
 }
 
 }  // namespace rigcal::agent

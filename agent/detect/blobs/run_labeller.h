@@ -57,8 +57,10 @@ class RunLabeller {
   Row row_;
   int above_y_ = 0;
   int64_t run_count_ = 0;
+  int32_t label_count_ = 0;
   std::vector<int32_t> parent_;      // by label, never larger than the label
   std::vector<ComponentSums> sums_;  // by label
+  std::vector<ComponentSums> found_;
 };
 
 }  // namespace rigcal::agent

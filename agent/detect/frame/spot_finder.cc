@@ -180,9 +180,13 @@ double SpotFinder::EstimatedMs() const {
 // lost.
 bool SpotFinder::HasColour(const ImageView& image, const Blob& blob) const {
   const double reach = 0.5 * std::sqrt(blob.area_px / std::numbers::pi);
-  int passed = 0;
+  const int least = kLevels[level_].white ? kColouredOfNine : kPaleOfNine;
+  int passed = 0, left = 9;
   for (int v = -1; v <= 1; ++v) {
     for (int u = -1; u <= 1; ++u) {
+      // The rest changes nothing.
+      if (passed >= least || passed + left < least) return passed >= least;
+      --left;
       const auto x = static_cast<int>(std::lround(blob.centre_px.x() + reach * u));
       const auto y = static_cast<int>(std::lround(blob.centre_px.y() + reach * v));
       if (x < 0 || y < 0 || x >= image.width || y >= image.height) continue;
@@ -197,7 +201,7 @@ bool SpotFinder::HasColour(const ImageView& image, const Blob& blob) const {
       passed += clipped || (word >> (x % kMaskWordBits) & 1) != 0 ? 1 : 0;
     }
   }
-  return passed >= (kLevels[level_].white ? kColouredOfNine : kPaleOfNine);
+  return passed >= least;
 }
 
 void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut, int pair) {

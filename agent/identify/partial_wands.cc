@@ -100,8 +100,10 @@ class PartSearch {
     };
     Eigen::Vector3d begin = Eigen::Vector3d::Zero();
     const double scale_px = 0.5 * (sight_a.scale_px + sight_b.scale_px);
+    const double factor = std::pow(high / low, 1.0 / kSteps);
+    double ratio = low / factor;
     for (int i = 0; i <= kSteps; ++i) {
-      const double ratio = low * std::pow(high / low, static_cast<double>(i) / kSteps);
+      ratio *= factor;
       const Eigen::Vector3d line = ratio * sight_b.ray - sight_a.ray;
       const double first_m = span_m / line.norm();
       const double size_cost = SizeCost(sight_a, sight_b, first_m, ratio * first_m);
@@ -242,13 +244,17 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
   const double diameter_m = finder.fit_options().diameter_m;
   const double longest_radii = diameter_m > 0 ? kLongest * 2 * finder.length_m() / diameter_m
                                               : std::numeric_limits<double>::infinity();
+  std::vector<std::optional<MarkerSight>> rays;
+  for (const WholeMarker& whole : wholes) {
+    MarkerSight ray;
+    const bool is_seen = finder.Sight(whole.blob.centre_px, &ray);
+    rays.push_back(is_seen ? std::optional(ray) : std::nullopt);
+  }
   for (const AlikePair& pair : AlikePairs(image, wholes, longest_radii, work)) {
     const WholeMarker &a = wholes[pair.first], &b = wholes[pair.last];
-    MarkerSight ray_a, ray_b;
-    if (!finder.Sight(a.blob.centre_px, &ray_a) || !finder.Sight(b.blob.centre_px, &ray_b)) {
-      continue;
-    }
-    const MarkerSight sight_a = SightOf(a.blob, ray_a), sight_b = SightOf(b.blob, ray_b);
+    if (!rays[pair.first] || !rays[pair.last]) continue;
+    const MarkerSight sight_a = SightOf(a.blob, *rays[pair.first]);
+    const MarkerSight sight_b = SightOf(b.blob, *rays[pair.last]);
     for (const Layout& layout : kLayouts) {
       search.Try(a, b, pair.first, pair.last, sight_a, sight_b, layout, pair);
       search.Try(b, a, pair.last, pair.first, sight_b, sight_a, layout, pair);

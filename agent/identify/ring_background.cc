@@ -11,6 +11,10 @@
 #include <numeric>
 #include <span>
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 #include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
@@ -22,6 +26,21 @@ constexpr int kMinRingPixels = 24;
 constexpr float kOverlap = 0.3f;  // of an arc, into each neighbour
 
 typedef uint8_t Sixteen __attribute__((vector_size(16)));
+
+uint8_t Smallest(Sixteen values) {
+#if defined(__SSE2__)
+  auto lanes = (__m128i)values;
+  lanes = _mm_min_epu8(lanes, _mm_srli_si128(lanes, 8));
+  lanes = _mm_min_epu8(lanes, _mm_srli_si128(lanes, 4));
+  lanes = _mm_min_epu8(lanes, _mm_srli_si128(lanes, 2));
+  lanes = _mm_min_epu8(lanes, _mm_srli_si128(lanes, 1));
+  return static_cast<uint8_t>(_mm_cvtsi128_si32(lanes));
+#else
+  uint8_t smallest = 255;
+  for (int i = 0; i < 16; ++i) smallest = std::min<uint8_t>(smallest, values[i]);
+  return smallest;
+#endif
+}
 
 // The upper median of up to 16 kVectors grey levels: the smallest one that more than half of them
 // do not exceed, by comparing each with all.
@@ -35,14 +54,14 @@ uint8_t MedianOfFew(std::span<const uint8_t> values) {
     const Sixteen other = Sixteen{} + value;
     for (int k = 0; k < kVectors; ++k) not_above[k] -= (Sixteen)(other <= own[k]);
   }
-  uint8_t counts[16 * kVectors];
-  std::memcpy(counts, not_above, sizeof(counts));
-  uint8_t median = 255;
-  for (size_t i = 0; i < values.size(); ++i) {
-    const uint8_t one = counts[i] > values.size() / 2 ? padded[i] : 255;
-    median = std::min(median, one);
+  // What fills up, 0, is not exceeded by more than half only if that is the median.
+  const Sixteen half = Sixteen{} + static_cast<uint8_t>(values.size() / 2);
+  Sixteen smallest = Sixteen{} - 1;
+  for (int k = 0; k < kVectors; ++k) {
+    const Sixteen one = own[k] | (Sixteen)(not_above[k] <= half);
+    smallest = smallest < one ? smallest : one;
   }
-  return median;
+  return Smallest(smallest);
 }
 
 using GreyCounts = std::array<int, 256>;

@@ -12,7 +12,7 @@ constexpr int kWordBits = 64;
 constexpr int32_t kNowhere = INT32_MAX;
 constexpr int kNoRow = -2;
 
-void Add(const ComponentSums& other, ComponentSums* sums) {
+inline __attribute__((always_inline)) void Add(const ComponentSums& other, ComponentSums* sums) {
   sums->area += other.area;
   sums->x += other.x;
   sums->y += other.y;
@@ -27,7 +27,8 @@ void Add(const ComponentSums& other, ComponentSums* sums) {
 
 // Columns [begin, end) of row y. With n columns: sum x = n (begin + end - 1) / 2, and
 // sum x^2 = n begin (end - 1) + (n - 1) n (2 n - 1) / 6.
-ComponentSums SumsOf(uint64_t y, uint64_t begin, uint64_t end) {
+inline __attribute__((always_inline)) ComponentSums SumsOf(uint64_t y, uint64_t begin,
+                                                           uint64_t end) {
   const uint64_t n = end - begin;
   const uint64_t sum_x = n * (begin + end - 1) / 2, sum_y = n * y;
   ComponentSums sums;

@@ -13,6 +13,14 @@ constexpr int kStep = 8, kCoarseStep = 16;
 constexpr int kBlackGrey = 24;
 constexpr int kSaturatedGrey = 250;
 
+uint8_t SmallestChannel(const uint8_t* pixel, int bytes) {
+  return bytes == 1 ? pixel[0] : std::min(std::min(pixel[0], pixel[1]), pixel[2]);
+}
+
+uint8_t LargestChannel(const uint8_t* pixel, int bytes) {
+  return bytes == 1 ? pixel[0] : std::max(std::max(pixel[0], pixel[1]), pixel[2]);
+}
+
 }  // namespace
 
 ImageExposure LookAtExposure(const ImageView& image) {
@@ -21,14 +29,10 @@ ImageExposure LookAtExposure(const ImageView& image) {
   for (int y = 0; y < image.height; y += kStep) {
     const uint8_t* row = image.Row(y);
     for (int x = 0; x < image.width; x += kStep) {
-      int low = 255, high = 0;
-      for (int k = 0; k < bytes; ++k) {
-        low = std::min<int>(low, row[x * bytes + k]);
-        high = std::max<int>(high, row[x * bytes + k]);
-      }
+      const uint8_t* const pixel = row + x * bytes;
       ++looked_at;
-      saturated += low >= kSaturatedGrey ? 1 : 0;
-      lit += high >= kBlackGrey ? 1 : 0;
+      saturated += SmallestChannel(pixel, bytes) >= kSaturatedGrey ? 1 : 0;
+      lit += LargestChannel(pixel, bytes) >= kBlackGrey ? 1 : 0;
     }
   }
   if (2 * saturated > looked_at) return ImageExposure::kSaturated;
@@ -44,7 +48,7 @@ double WhiteShare(const ImageView& image, int least_grey) {
     for (int x = 0; x < image.width; x += kStep) {
       const uint8_t* const pixel = row + x * bytes;
       ++looked_at;
-      white += *std::min_element(pixel, pixel + bytes) >= least_grey ? 1 : 0;
+      white += SmallestChannel(pixel, bytes) >= least_grey ? 1 : 0;
     }
   }
   return looked_at > 0 ? static_cast<double>(white) / static_cast<double>(looked_at) : 0;
@@ -58,7 +62,7 @@ double LitShare(const ImageView& image) {
     for (int x = 0; x < image.width; x += kCoarseStep) {
       const uint8_t* const pixel = row + x * bytes;
       ++looked_at;
-      lit += *std::max_element(pixel, pixel + bytes) >= kBlackGrey ? 1 : 0;
+      lit += LargestChannel(pixel, bytes) >= kBlackGrey ? 1 : 0;
     }
   }
   return looked_at > 0 ? static_cast<double>(lit) / static_cast<double>(looked_at) : 0;

@@ -28,7 +28,8 @@ constexpr double kLeastSliverContrast = 50;  // grey levels, of a marker
 constexpr double kLeastCover = 0.2, kCoverSigmas = 4, kBusyCover = 0.1;
 constexpr double kCoverColour = 0.3;  // of the cover, across the way
 constexpr int kLeastSliverPixels = 3;
-constexpr double kLeastSliverPx = 1.5, kLeastSliverShare = 0.015, kSliverCost = 1.5;
+constexpr double kLeastSliverPx = 1.5, kLeastWithStickPx = 1, kLeastSliverShare = 0.015,
+                 kSliverCost = 1.5;
 
 void Count(int x, int y, ComponentSums* sums) {
   sums->area += 1;
@@ -158,7 +159,7 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
 
 std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vector2d& centre_px,
                                         double radius_px, const Eigen::Vector3f& core,
-                                        double* work) {
+                                        bool has_stick, double* work) {
   const double from = radius_px + kGapPx + kGapRadii * radius_px;
   const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
   const int left = std::max(0, static_cast<int>(std::ceil(centre_px.x() - to)));
@@ -217,7 +218,8 @@ std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vec
     }
   }
   if (disc == 0 || sums.area < kLeastSliverPixels ||
-      area_px < std::max(kLeastSliverPx, kLeastSliverShare * disc)) {
+      area_px <
+          std::max(has_stick ? kLeastWithStickPx : kLeastSliverPx, kLeastSliverShare * disc)) {
     return std::nullopt;
   }
   HiddenPart part;

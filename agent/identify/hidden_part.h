@@ -26,9 +26,9 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
 
 // The same of a sliver, a pixel or two wide, so that each of its pixels is a mixture with what is
 // around. None where nothing is mixed with the others' colour, or everything around differs as
-// much.
+// much. `has_stick`, between the others: then less of it is enough.
 std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vector2d& centre_px,
                                         double radius_px, const Eigen::Vector3f& core,
-                                        double* work);
+                                        bool has_stick, double* work);
 
 }  // namespace rigcal::agent

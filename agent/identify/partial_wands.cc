@@ -85,7 +85,8 @@ class PartSearch {
           LookForPart(image_, place->centre_px, place->radius_px, core, &work_);
       if (!part) part = KnownAt(place->centre_px, place->radius_px, a, b);
       if (!part && pair_cost < kSliverPairCost) {
-        part = LookForSliver(image_, place->centre_px, place->radius_px, core, &work_);
+        part =
+            LookForSliver(image_, place->centre_px, place->radius_px, core, pair.has_stick, &work_);
       }
       if (!part && pair.has_stick && layout.hidden == 1) part = CoveredAt(*place, a.blob, b.blob);
       if (!part) return;

@@ -31,8 +31,9 @@ constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma =
                  kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5;
 constexpr double kSeenStickGain = 2;
 // Of two things and a part: how much more often they are a wand than their cost says, where a stick
-// is seen between them or a sliver is a mixture of their colour and what is around.
-constexpr double kStickEvidence = 2.5, kSliverEvidence = 3.5;
+// is seen between them, less so between small things, or a sliver is a mixture of their colour and
+// what is around.
+constexpr double kStickEvidence = 2.5, kSmallStick = 0.4, kSliverEvidence = 3.5;
 constexpr double kMargin = 8;  // in cost, of a wand against the next best
 constexpr double kFlippedMargin = 5.5;
 constexpr double kBrighter = 1.25;  // than its reflection
@@ -196,7 +197,9 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand, in_room_) +
                  Squared(ColourDifference(wand) / kPartialColourSigma) -
                  (1 - kPartialChance) * chance_cost_;
-    if (candidate.has_stick && candidate.partial_share > 0) wand.evidence += kStickEvidence;
+    if (candidate.has_stick && candidate.partial_share > 0) {
+      wand.evidence += std::max(0.0, kStickEvidence - kSmallStick * UnresolvedCost(wand));
+    }
     if (candidate.is_sliver) wand.evidence += kSliverEvidence;
   }
   wand.confidence = ConfidenceOf(wand.cost - wand.evidence);

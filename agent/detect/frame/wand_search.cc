@@ -61,7 +61,7 @@ WandSearch::WandSearch(const WandLimits& limits, int washed_out_min, bool may_be
       spot_finder_(std::move(spot_finder)) {}
 
 void WandSearch::StartImage() {
-  cut_short_ = false;
+  cut_short_ = parts_left_ = false;
   is_lit_.reset();
   passed_share_ = white_share_ = 0;
   spot_finder_.BeginImage();
@@ -95,6 +95,9 @@ double WandSearch::EstimatedMs() const {
 Verdict WandSearch::SearchAll(const ImageView& image) {
   std::optional<VerifiedWand> of_parts;
   Verdict verdict = SearchLevels(image, &of_parts);
+  if (!verdict.wand && !verdict.ambiguous && !of_parts && parts_left_) {
+    verdict = SearchPartial(image, 0);
+  }
   const double gain = verdict.wand && verdict.wand->OccludedCount() == 0 ? kWholeGain : 0;
   if (of_parts && (!verdict.wand || verdict.wand->cost > of_parts->cost + gain)) {
     verdict = Verdict();
@@ -205,6 +208,7 @@ Verdict WandSearch::VerifyFound(const ImageView& image, double most_work) {
 
 Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t level) {
   window_ = part;
+  parts_left_ = false;
   spot_finder_.Find(image, part, level);
   verifier_.RequireContrast(spot_finder_.min_contrast_grey());
   cut_short_ |= !spot_finder_.has_all();
@@ -240,7 +244,8 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
   cut_short_ |= verdict.left_out;
   if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) {
     // Whole wands are looked for in the next levels first: light of a room whitens the spheres.
-    if (more_follow || (level < SpotFinder::kPaleLevels[0] && IsLit(image))) return verdict;
+    parts_left_ = more_follow || (level < SpotFinder::kPaleLevels[0] && IsLit(image));
+    if (parts_left_) return verdict;
     return SearchPartial(image, level < SpotFinder::kPaleLevels[1] ? kWorkOfNext : 0);
   }
   if (!verdict.wand) return verdict;

@@ -70,6 +70,7 @@ class WandSearch {
   int fits_left_ = 0;
   double work_left_ = 0;
   bool cut_short_ = false;
+  bool parts_left_ = false;  // the last Search looked for whole wands only
   bool has_rivals_ = false;  // the last Search measured two wands that are equally good
   double passed_share_ = 0, white_share_ = 0;
   std::optional<bool> is_lit_;  // more than a dark room's spots; none: not looked at yet

@@ -8,37 +8,22 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
+#include <optional>
 #include <vector>
+
+#include "agent/identify/hidden_part.h"
+#include "agent/identify/verified_wand.h"
+#include "tests/agent/identify/paper_wand_view.h"
 
 namespace rigcal::agent::partial_wands_test {
 namespace {
 
-constexpr int kWidth = 640, kHeight = 480;
 constexpr double kRadius = 10;  // of a sphere of 40 mm at 2 m
-
-CameraDescription Camera() {
-  CameraDescription camera;
-  camera.camera = "test";
-  camera.image_size_px = {kWidth, kHeight};
-  Intrinsics intrinsics;
-  intrinsics.fx_px = intrinsics.fy_px = 1000;
-  intrinsics.cx_px = 320;
-  intrinsics.cy_px = 240;
-  camera.intrinsics = intrinsics;
-  return camera;
-}
-
-Target PaperWand() {
-  Target target;
-  target.marker_positions_m = {0, 0.13, 0.39};
-  target.diameter_m = 0.04;
-  return target;
-}
 
 // Orange discs in the dark.
 class Discs {
  public:
-  Discs() : pixels_(size_t{3} * kWidth * kHeight, 12) {}
+  Discs() : pixels_(size_t{3} * kViewWidth * kViewHeight, 12) {}
 
   void Add(double x, double y) {
     Draw(x, y, kRadius);
@@ -53,20 +38,21 @@ class Discs {
   void AddHalf(double x, double y) { Draw(x, y, kRadius, x); }
 
   PartialWands Search(double work) const {
-    const ImageView view{pixels_.data(), kWidth, kHeight, ptrdiff_t{3} * kWidth,
+    const ImageView view{pixels_.data(), kViewWidth, kViewHeight, ptrdiff_t{3} * kViewWidth,
                          PixelFormat::kBgr8};
-    return FindPartialWands(view, WandFinder({}, PaperWand(), Camera()), wholes_, {}, 100, &work);
+    return FindPartialWands(view, WandFinder({}, PaperWand(), ViewCamera()), wholes_, {}, 100,
+                            &work);
   }
 
  private:
   static constexpr std::array<uint8_t, 3> kGrey = {40, 110, 200};
 
   void Draw(double x, double y, double radius, double from_x = 0) {
-    for (int v = 0; v < kHeight; ++v) {
-      for (int u = 0; u < kWidth; ++u) {
+    for (int v = 0; v < kViewHeight; ++v) {
+      for (int u = 0; u < kViewWidth; ++u) {
         if (u < from_x || (u - x) * (u - x) + (v - y) * (v - y) > radius * radius) continue;
         std::copy(kGrey.begin(), kGrey.end(),
-                  &pixels_[3 * (static_cast<size_t>(v) * kWidth + static_cast<size_t>(u))]);
+                  &pixels_[3 * (static_cast<size_t>(v) * kViewWidth + static_cast<size_t>(u))]);
       }
     }
   }
@@ -86,6 +72,68 @@ TEST(FindPartialWands, FindsAWandOfWhichHalfOfASphereIsSeen) {
   EXPECT_EQ(found.candidates[0].blobs[0], 0);
   EXPECT_EQ(found.candidates[0].blobs[2], 1);
   EXPECT_FALSE(found.cut_short);
+}
+
+// A disc of the markers' look in front of something as bright all around it, or on it only, of
+// which a dark bar hides the left half.
+std::optional<HiddenPart> PartBefore(bool is_window) {
+  const Eigen::Vector2d middle_px(100, 100);
+  std::vector<uint8_t> pixels(size_t{3} * 200 * 200, 12);
+  for (int y = 0; y < 200; ++y) {
+    for (int x = 0; x < 200; ++x) {
+      const double away_px = (Eigen::Vector2d(x, y) - middle_px).norm();
+      const bool is_bar = x > 70 && x < 100;
+      uint8_t* const pixel = &pixels[3 * (static_cast<size_t>(y) * 200 + static_cast<size_t>(x))];
+      if (!is_bar && (is_window || away_px < 1.35 * kRadius)) std::fill_n(pixel, 3, 250);
+      if (!is_bar && away_px < kRadius) pixel[0] = 40, pixel[1] = 110, pixel[2] = 200;
+    }
+  }
+  const ImageView view{pixels.data(), 200, 200, 600, PixelFormat::kBgr8};
+  double work = 3000;
+  // The place is not known exactly: what is behind is seen past the marker.
+  return LookForPart(view, middle_px + Eigen::Vector2d(0.3 * kRadius, 0), kRadius, {40, 110, 200},
+                     &work);
+}
+
+TEST(LookForPart, WhatIsBrightAllAroundIsSeenPastTheMarker) {
+  EXPECT_TRUE(PartBefore(true));
+  EXPECT_FALSE(PartBefore(false));  // a label with a rim
+}
+
+TEST(LookForSliver, BesideAStickLessIsEnough) {
+  std::vector<uint8_t> pixels(size_t{3} * 100 * 100, 12);
+  for (const size_t y : {48, 49, 50, 51}) {
+    uint8_t* const pixel = &pixels[3 * (y * 100 + 52)];
+    pixel[0] = 12 + 9, pixel[1] = 12 + 32, pixel[2] = 12 + 61;  // a third of the way
+  }
+  const ImageView view{pixels.data(), 100, 100, 300, PixelFormat::kBgr8};
+  for (const bool has_stick : {false, true}) {
+    double work = 3000;
+    const auto part = LookForSliver(view, {50, 50}, 5, {40, 110, 200}, has_stick, &work);
+    ASSERT_EQ(part.has_value(), has_stick);
+    if (part) {
+      EXPECT_TRUE(part->is_sliver);
+    }
+  }
+}
+
+TEST(SamePlaces, APartIsSomewhereWithinItsMarker) {
+  VerifiedWand one;
+  for (const double x_px : {0.0, 65.0, 195.0}) {
+    MarkerCentre centre;
+    centre.centre_px = {x_px, 0};
+    centre.radius_px = kRadius;
+    one.centres.push_back(centre);
+    one.blobs.push_back(static_cast<int>(one.blobs.size()));
+    one.whole.push_back(true);
+  }
+  VerifiedWand other = one;
+  other.centres[2].centre_px.x() += 1.1 * kRadius;
+  EXPECT_FALSE(SamePlaces(one, other));
+  other.whole[2] = false;
+  EXPECT_TRUE(SamePlaces(one, other));
+  other.centres[2].centre_px.x() += 0.5 * kRadius;
+  EXPECT_FALSE(SamePlaces(one, other));
 }
 
 // In a room with lamps and labels there are many pairs of things that are alike.

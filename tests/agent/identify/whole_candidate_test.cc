@@ -12,32 +12,12 @@
 #include <vector>
 
 #include "agent/identify/wand_verifier.h"
+#include "tests/agent/identify/paper_wand_view.h"
 
 namespace rigcal::agent::whole_candidate_test {
 namespace {
 
-constexpr int kWidth = 640, kHeight = 480;
-constexpr double kFocalPx = 1000;
 constexpr size_t kHidden = 1;
-
-CameraDescription Camera() {
-  CameraDescription camera;
-  camera.camera = "test";
-  camera.image_size_px = {kWidth, kHeight};
-  Intrinsics intrinsics;
-  intrinsics.fx_px = intrinsics.fy_px = kFocalPx;
-  intrinsics.cx_px = 320;
-  intrinsics.cy_px = 240;
-  camera.intrinsics = intrinsics;
-  return camera;
-}
-
-Target PaperWand() {
-  Target target;
-  target.marker_positions_m = {0, 0.13, 0.39};
-  target.diameter_m = 0.04;
-  return target;
-}
 
 // Tilted; its middle sphere is taken for hidden, with a part of it somewhere.
 struct Seen {
@@ -51,8 +31,9 @@ struct Seen {
     const Eigen::Vector3d along = Eigen::Vector3d(0.3, -0.05, 0.2).normalized();
     for (size_t k = 0; k < 3; ++k) {
       spheres_m[k] = first_m + PaperWand().marker_positions_m[k] * along;
-      images_px[k] = kFocalPx * spheres_m[k].hnormalized() + Eigen::Vector2d(320, 240);
-      const double radius_px = 0.02 * kFocalPx / spheres_m[k].norm();
+      images_px[k] = kViewFocalPx * spheres_m[k].hnormalized() +
+                     Eigen::Vector2d(0.5 * kViewWidth, 0.5 * kViewHeight);
+      const double radius_px = 0.02 * kViewFocalPx / spheres_m[k].norm();
       Blob blob;
       blob.centre_px = images_px[k];
       if (k == kHidden) blob.centre_px.x() += 0.7 * radius_px;
@@ -65,7 +46,7 @@ struct Seen {
       centre.centre_px = blob.centre_px;
       centre.radius_px = radius_px;
       wand.centres.push_back(centre);
-      wand.px_per_m.push_back(kFocalPx / spheres_m[k].norm());
+      wand.px_per_m.push_back(kViewFocalPx / spheres_m[k].norm());
     }
     wand.fit.first_m = spheres_m[0];
     wand.fit.last_m = spheres_m[2];
@@ -74,7 +55,7 @@ struct Seen {
 
 TEST(WholeCandidate, IsADiscWhereThePoseSaysThatTheMarkerIs) {
   Seen seen;
-  const WandFinder finder({}, PaperWand(), Camera());
+  const WandFinder finder({}, PaperWand(), ViewCamera());
   const auto whole = WholeCandidate(finder, seen.wand, &seen.blobs);
   ASSERT_TRUE(whole.has_value());
   EXPECT_EQ(whole->partial, -1);
@@ -84,12 +65,12 @@ TEST(WholeCandidate, IsADiscWhereThePoseSaysThatTheMarkerIs) {
   ASSERT_EQ(whole->blobs[kHidden], 3);
   const Blob& disc = seen.blobs[3];
   EXPECT_LT((disc.centre_px - seen.images_px[kHidden]).norm(), 0.01);
-  const double radius_px = 0.02 * kFocalPx / seen.spheres_m[kHidden].norm();
+  const double radius_px = 0.02 * kViewFocalPx / seen.spheres_m[kHidden].norm();
   EXPECT_NEAR(2 * std::sqrt(disc.second_moment_px2(0, 0)), radius_px, 0.01);
 }
 
 TEST(WholeCandidate, NoneOfAWholeWandOrBehindTheCamera) {
-  const WandFinder finder({}, PaperWand(), Camera());
+  const WandFinder finder({}, PaperWand(), ViewCamera());
   Seen seen;
   seen.wand.whole[kHidden] = true;
   EXPECT_FALSE(WholeCandidate(finder, seen.wand, &seen.blobs).has_value());
@@ -103,35 +84,46 @@ TEST(WholeCandidate, NoneOfAWholeWandOrBehindTheCamera) {
 TEST(WholeCandidate, IsVerifiedByWhatIsThere) {
   for (const bool is_there : {true, false}) {
     Seen seen;
-    std::vector<uint8_t> pixels(size_t{3} * kWidth * kHeight, 12);
+    std::vector<uint8_t> pixels(size_t{3} * kViewWidth * kViewHeight, 12);
     for (size_t k = 0; k < 3; ++k) {
       if (k == kHidden && !is_there) continue;
       const double radius_px = seen.wand.centres[k].radius_px;
       constexpr std::array<double, 3> kGrey = {40, 110, 200};
-      for (int y = 0; y < kHeight; ++y) {
-        for (int x = 0; x < kWidth; ++x) {
+      for (int y = 0; y < kViewHeight; ++y) {
+        for (int x = 0; x < kViewWidth; ++x) {
           const double away_px = std::hypot(x - seen.images_px[k].x(), y - seen.images_px[k].y());
           const double cover = std::clamp(radius_px - away_px + 0.5, 0.0, 1.0);
           uint8_t* const pixel =
-              &pixels[3 * (static_cast<size_t>(y) * kWidth + static_cast<size_t>(x))];
+              &pixels[3 * (static_cast<size_t>(y) * kViewWidth + static_cast<size_t>(x))];
           for (size_t c = 0; c < 3; ++c) {
             pixel[c] = static_cast<uint8_t>(pixel[c] + cover * (kGrey[c] - pixel[c]));
           }
         }
       }
     }
-    const ImageView view{pixels.data(), kWidth, kHeight, ptrdiff_t{3} * kWidth, PixelFormat::kBgr8};
-    const WandFinder finder({}, PaperWand(), Camera());
+    const ImageView view{pixels.data(), kViewWidth, kViewHeight, ptrdiff_t{3} * kViewWidth,
+                         PixelFormat::kBgr8};
+    const WandFinder finder({}, PaperWand(), ViewCamera());
     const auto whole = WholeCandidate(finder, seen.wand, &seen.blobs);
     ASSERT_TRUE(whole.has_value());
     WandVerifier verifier(0.5);
     verifier.StartImage();
     double work = 20000;
-    const Verdict verdict = verifier.Verify(view, seen.blobs, finder, {&*whole, 1}, 1, true, &work);
+    std::array<WandCandidate, 2> both = {*whole, *whole};
+    std::ranges::reverse(both[1].blobs);
+    Verdict verdict = verifier.Verify(view, seen.blobs, finder, both, 1, true, &work);
     ASSERT_EQ(verdict.wand.has_value(), is_there);
-    if (is_there) {
-      EXPECT_EQ(verdict.wand->OccludedCount(), 0);
-    }
+    if (!is_there) continue;
+    EXPECT_EQ(verdict.wand->OccludedCount(), 0);
+    EXPECT_EQ(verdict.wand->blobs, whole->blobs);
+    EXPECT_GT(verdict.wand->label_confidence, 0.99);
+    EXPECT_LT(verdict.wand->label_confidence, 1);
+    // With one whole marker it is none.
+    EXPECT_TRUE(verifier.FitOutlines(view, &*verdict.wand));
+    verdict.wand->whole[0] = false;
+    EXPECT_TRUE(verifier.FitOutlines(view, &*verdict.wand));
+    verdict.wand->whole[2] = false;
+    EXPECT_FALSE(verifier.FitOutlines(view, &*verdict.wand));
   }
 }
 

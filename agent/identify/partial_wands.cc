@@ -31,6 +31,7 @@ constexpr double kCommonRadiusPx = 0.8;                  // of both, by blur and
 constexpr double kStepRadii = 0.25;  // along the line, between places that are looked at
 constexpr int kSteps = 48;           // of the ratio of their depths
 constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
+constexpr double kLeastConfidence = 0.65, kTriedOdds = 0.5, kFewPlaces = 150;
 
 MarkerSight SightOf(const Blob& blob, const MarkerSight& ray) {
   MarkerSight sight = ray;
@@ -226,6 +227,12 @@ class PartSearch {
 };
 
 }  // namespace
+
+double LeastPartialConfidence(int tried) {
+  const double odds =
+      kLeastConfidence / (1 - kLeastConfidence) * std::pow(1 + tried / kFewPlaces, kTriedOdds);
+  return odds / (1 + odds);
+}
 
 void LoosenSight(double radius_px, MarkerSight* sight) {
   sight->sigma_px = kPartSigma * radius_px + 0.5;

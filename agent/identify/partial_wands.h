@@ -34,6 +34,10 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
                               absl::Span<const Blob> known_parts, size_t max_candidates,
                               double* work);
 
+// The least confidence of such a wand where so many places were looked at: two things and a part of
+// a third are found by chance among many.
+double LeastPartialConfidence(int tried);
+
 // As a part of a marker is placed: within the marker. `radius_px`: of the whole marker.
 void LoosenSight(double radius_px, MarkerSight* sight);
 

@@ -20,8 +20,7 @@ constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may b
 constexpr double kWorkOfPartial = 4000, kShareOfPartial = 1.0 / 3;  // their verification
 constexpr double kWorkOfParts = 4500;                               // of both, what others leave
 constexpr double kWorkOfWhole = 7000;                               // that another look finds
-constexpr double kPartialConfidence = 0.65;
-constexpr double kTriedOdds = 0.5, kFewPlaces = 150;
+constexpr double kPartialLabels = 0.65;                             // their confidence
 
 // What a search may cost; a wand in a room takes a twentieth of it.
 constexpr int kMaxFits = 500;  // of wands to spots, 2.5 us each
@@ -320,11 +319,8 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
     const bool is_sure = std::min(chosen->cost, verdict.wand->cost) <= kSureCost;
     if (is_rival || (is_short && !is_sure)) verdict.wand.reset();
   }
-  // Two things and a part of a third are found by chance among many.
-  const double odds = kPartialConfidence / (1 - kPartialConfidence) *
-                      std::pow(1 + found.tried / kFewPlaces, kTriedOdds);
-  if (verdict.wand && ((!few && verdict.wand->confidence < odds / (1 + odds)) ||
-                       verdict.wand->label_confidence < kPartialConfidence)) {
+  if (verdict.wand && ((!few && verdict.wand->confidence < LeastPartialConfidence(found.tried)) ||
+                       verdict.wand->label_confidence < kPartialLabels)) {
     verdict.wand.reset();
   }
   if (verdict.wand && !verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();
@@ -345,7 +341,7 @@ void WandSearch::TryWhole(const ImageView& image, VerifiedWand* wand) {
   work_left_ += work;
   if (!verdict.wand || verdict.wand->blobs != whole->blobs || verdict.wand->OccludedCount() > 0 ||
       verdict.wand->cost > wand->cost + kWholeGain ||
-      verdict.wand->label_confidence < kPartialConfidence) {
+      verdict.wand->label_confidence < kPartialLabels) {
     return;
   }
   if (verifier_.FitOutlines(image, &*verdict.wand)) *wand = *std::move(verdict.wand);

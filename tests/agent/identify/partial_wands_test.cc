@@ -147,5 +147,12 @@ TEST(FindPartialWands, PlacesWhereNothingIsCostLittle) {
   EXPECT_GT(found.tried, 100);
 }
 
+TEST(LeastPartialConfidence, GrowsWithThePlacesThatWereTried) {
+  EXPECT_NEAR(LeastPartialConfidence(0), 0.65, 1e-9);
+  EXPECT_GT(LeastPartialConfidence(100), 0.69);
+  EXPECT_GT(LeastPartialConfidence(400), 0.76);
+  EXPECT_LT(LeastPartialConfidence(400), 0.85);  // a wand in a cluttered room is found
+}
+
 }  // namespace
 }  // namespace rigcal::agent::partial_wands_test

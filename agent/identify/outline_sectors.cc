@@ -9,7 +9,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr double kFittedShare = 11.0 / 16;  // place, radius and shape take five sectors of sixteen
-constexpr double kLeastNoise = 0.3;
+constexpr double kLeastNoise = 0.1;
 constexpr double kPixelSectors = 32;  // that the scatter of an outline's pixels counts as
 constexpr double kPriorSectors = 8;
 // A stick that the spheres light makes them longer by some hundredths of a pixel, the outer ones on
@@ -19,8 +19,8 @@ constexpr double kStickPx = 100, kStickOfArcPx = 0.2;
 constexpr double kMostUsual = 5;  // of the usual variance, that a sector counts with
 constexpr double kTooFar = 4;
 // What disturbs a sector disturbs its neighbours too; so much more it moves the place.
-constexpr double kShared = 2.5;
-constexpr double kSaturatedPx = 0.5;  // of an edge before a saturated background
+constexpr double kShared = 3;
+constexpr double kSaturatedPx = 1;  // of an edge before a saturated background
 constexpr double kLeastOfSector = 0.2;
 
 double MeanInformation(const SphereOutline& outline) {
@@ -84,9 +84,14 @@ std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> o
     SectorErrors errors;
     AddErrors(*outline, &errors);
     const auto count = static_cast<double>(errors.squared.size());
-    own.extra_px2 = std::max(0.0, (kPriorSectors * std::max(0.0, usual.extra_px2) +
-                                   count * Excess(errors, usual.noise)) /
-                                      (kPriorSectors + count));
+    double variances = 0;
+    for (const double variance : errors.variance) variances += variance / std::max(1.0, count);
+    // One sigma of what noise alone gives: up to that much is none, twice that much counts in full.
+    const double chance_px2 = usual.noise * variances * std::sqrt(2 / (kPriorSectors + count));
+    const double found_px2 =
+        (kPriorSectors * std::max(0.0, usual.extra_px2) + count * Excess(errors, usual.noise)) /
+        (kPriorSectors + count);
+    own.extra_px2 = std::max(0.0, std::min(found_px2, 2 * (found_px2 - chance_px2)));
   }
   return scatters;
 }

@@ -15,9 +15,9 @@ namespace rigcal::agent {
 namespace {
 
 // Widths of the edge, per relative slope of the light: blur hides how light changes near the rim.
-constexpr double kShadingError = 0.05;
+constexpr double kShadingError = 0.07;
 // The same along the light: of Lambert's law, and of a polynomial in its place.
-constexpr double kWhiteError = 0.04, kNoWhiteError = 0.3, kAcrossWhiteError = 0.02;
+constexpr double kWhiteError = 0.02, kNoWhiteError = 0.3, kAcrossWhiteError = 0.01;
 constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 constexpr double kHiddenError = 1;              // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
@@ -31,6 +31,9 @@ constexpr double kNeighbourPx = 0.1;   // of the edge, where something else is n
 constexpr double kHiddenPx = 0.1, kHiddenRatio = 6, kSuspectRatio = 3;
 constexpr double kShortPx = 0.2;  // against what diameter and distance say
 constexpr double kMostSaturatedBehind = 0.1;
+// Signs of an outline of something else, over the place: of what it is smaller than the pose says,
+// and of the radius, per relative slope of the light beyond one.
+constexpr double kSmallError = 0.5, kDarkError = 0.1;
 // Of arcs: of the radius by pose and diameter; sectors; of what leaving them out moves the centre.
 constexpr double kPoseRadiusPx = 0.15, kPoseRadiusShare = 0.05;
 constexpr double kOtherRadiusPx = 0.1, kOtherRadiusShare = 0.03;  // by another outline
@@ -207,6 +210,19 @@ double MissingRadius(const FittedOutlines& outlines, size_t marker,
              : 0;
 }
 
+// How far off the place of an outline may be that cannot be quite that of a sphere: one that is
+// much smaller than pose and diameter say, or whose light would be less than none on one side.
+double WrongOutline(const VerifiedWand& wand, size_t marker, const SphereOutline& outline) {
+  double wrong_px = kDarkError * outline.radius_px * std::max(0.0, outline.slope.norm() - 1);
+  if (wand.diameter_m > 0 && wand.px_per_m.size() == wand.centres.size()) {
+    const double radius_px = 0.5 * wand.diameter_m * wand.px_per_m[marker];
+    const double small_px =
+        radius_px - outline.radius_px - kPoseRadiusPx - kPoseRadiusShare * radius_px;
+    wrong_px = std::hypot(wrong_px, kSmallError * std::max(0.0, small_px));
+  }
+  return wrong_px;
+}
+
 bool IsPartlyHidden(const VerifiedWand& wand, const FittedOutlines& outlines, size_t marker,
                     const OutlineExpectation& expected, const OutlinePixels& pixels) {
   const SphereOutline& own = *outlines[marker];
@@ -321,6 +337,7 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
           kOddError * std::max(0.0, std::abs(odd_px) - kOddPx - expected.radius_sigma_px),
           kSofterError * std::max(0.0, softer_px - kSofterPx));
       wrong_px = std::max(wrong_px, missing_px);
+      wrong_px = std::hypot(wrong_px, WrongOutline(*wand, k, outline));
       wrong_px = std::hypot(wrong_px, kMovedError * arcs[k].moved_px);
       outlines[k] = outline;
       centre.centre_px = outline.centre_px;

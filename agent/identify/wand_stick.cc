@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/identify/wand_stick.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace rigcal::agent {
@@ -8,6 +9,7 @@ namespace {
 
 constexpr double kHalfShare = 0.25, kHalfPx = 1.0;  // half the band's width, of the radius
 constexpr double kBlurPx = 1.5;                     // of the outline, inwards
+constexpr double kUsualEdgePx = 0.7;                // softer ones blur the stick more
 
 }  // namespace
 
@@ -19,8 +21,9 @@ void MarkStick(const VerifiedWand& wand, size_t marker, const SphereOutline& out
   const Eigen::Vector2d way_px = wand.centres[after].centre_px - wand.centres[before].centre_px;
   if (!(way_px.norm() > outline.radius_px)) return;
   const Eigen::Vector2d along = way_px.normalized();
-  const double half_px = kHalfShare * outline.radius_px + kHalfPx;
-  const double leaves_px = outline.radius_px * std::cos(wand.fit.tilt_rad) - kBlurPx;
+  const double softer_px = std::max(0.0, outline.edge_px - kUsualEdgePx);
+  const double half_px = kHalfShare * outline.radius_px + kHalfPx + softer_px;
+  const double leaves_px = outline.radius_px * std::cos(wand.fit.tilt_rad) - kBlurPx - softer_px;
   for (size_t i = 0; i < pixels->size(); ++i) {
     const Eigen::Vector2d d(static_cast<double>(pixels->x[i]) - outline.centre_px.x(),
                             static_cast<double>(pixels->y[i]) - outline.centre_px.y());

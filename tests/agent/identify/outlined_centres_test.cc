@@ -90,6 +90,26 @@ TEST(SetOutlinedCentres, ASphereThatIsPartlyHiddenIsTakenFromItsArc) {
   EXPECT_GT(arc.covariance_px2(0, 0), 4 * whole.covariance_px2(0, 0));
 }
 
+// Of an arc little is known: what its edge is off its ellipse counts in full.
+TEST(SetOutlinedCentres, AnArcThatIsNotOnAnEllipseHasALargerCovariance) {
+  ThreeSpheres even(-4.8), uneven(-4.8);
+  OutlinePixels& pixels = uneven.pixels_[2];
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const double x = static_cast<double>(pixels.x[i]) - 160;
+    const double y = static_cast<double>(pixels.y[i]) - 50.3;
+    const double inside_px = kRadius - std::hypot(x, y);
+    const double edge = std::exp(-0.5 * inside_px * inside_px / 0.49) / 1.75;
+    pixels.coverage[i] += static_cast<float>(0.08 * edge * std::cos(7 * std::atan2(y, x)));
+  }
+  ASSERT_TRUE(uneven.fitter_.Fit(pixels, 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
+                                 &uneven.outlines_[2]));
+  even.SetCentres();
+  uneven.SetCentres();
+  ASSERT_EQ(uneven.wand_.OccludedCount(), 0);
+  EXPECT_GT(uneven.wand_.centres[2].covariance_px2(0, 0),
+            5 * even.wand_.centres[2].covariance_px2(0, 0));
+}
+
 TEST(SetOutlinedCentres, WhatIsBesideASphereWidensItsCovariance) {
   ThreeSpheres alone(-100), beside(-100);
   ASSERT_TRUE(alone.fitted_);

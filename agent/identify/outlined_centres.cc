@@ -282,12 +282,14 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
     arcs[k] = FindVisibleArc(*markers[k].pixels, wand->centres[k].second_moment_px2, light,
                              ArcExpectationOf(*wand, first, k), fitter, &*outlines[k]);
     // Different things around it, and an edge that is as much on its outline as the others'.
-    if (!arcs[k].stays && !wand->centres[k].cut && EdgeRatio(first, k) < kSuspectRatio) {
+    bool too_little = arcs[k].hidden_count > kNotch && arcs[k].known_count < kLeastKnown;
+    if ((!arcs[k].stays || too_little) && !wand->centres[k].cut &&
+        EdgeRatio(first, k) < kSuspectRatio) {
       arcs[k] = VisibleArc();
       outlines[k] = first[k];
+      too_little = false;
     }
     const bool is_arc = wand->centres[k].cut || !arcs[k].is_all();
-    const bool too_little = arcs[k].hidden_count > kNotch && arcs[k].known_count < kLeastKnown;
     if (is_arc && (arcs[k].failed || too_little)) wand->whole[k] = false;
   }
   bool has_whole = false;

@@ -281,8 +281,8 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
     light.slope_sigma = slope_sigma / std::sqrt(ScatterOf(*outlines[k]));
     arcs[k] = FindVisibleArc(*markers[k].pixels, wand->centres[k].second_moment_px2, light,
                              ArcExpectationOf(*wand, first, k), fitter, &*outlines[k]);
-    // Different things around it, and an edge that is as much on its outline as the others'.
     bool too_little = arcs[k].hidden_count > kNotch && arcs[k].known_count < kLeastKnown;
+    // Different things around it, and an edge that is as much on its outline as the others'.
     if ((!arcs[k].stays || too_little) && !wand->centres[k].cut &&
         EdgeRatio(first, k) < kSuspectRatio) {
       arcs[k] = VisibleArc();

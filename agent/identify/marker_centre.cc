@@ -16,10 +16,7 @@ constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is re
 constexpr double kWideCore = 0.85;   // of it: where saturation is looked for
 constexpr double kMinContrast = 20;  // grey levels
 constexpr double kUsualStep = 1.2;   // root mean square of usual steps over their mean
-constexpr float kSaturated = 252;
 constexpr double kMostSaturated = 0.04;
-// Without its saturated channels a marker must keep this share of its contrast.
-constexpr double kLeastUnsaturated = 0.25, kLeastUnsaturatedGrey = 40;
 // Pixels this bright (kForeign) and this far outside of the blob belong to something else.
 constexpr double kOwnPx = 1.5;
 constexpr float kForeign = 0.4f;
@@ -30,26 +27,25 @@ constexpr double kWeightPx = 1.5;  // beyond an ellipse, where MarkerAperture::W
 // Radii of the centroid per skewness, found on rendered images.
 constexpr double kShiftPerSkewness = 4;
 constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
-// For the outline.
-constexpr double kModelNoise = 0.015;  // of its model, in units of coverage
-constexpr int kMosaicTries = 3;        // of an image
-constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
-constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
-constexpr float kMostWhite = 6;
-constexpr double kRimPx = 5;         // further inside every fifth pixel is enough
-constexpr double kInsideStep = 5.3;  // not in step with a mosaic
-constexpr double kEnoughPixels = 700;
-constexpr double kArcPx = 3;  // of the background
-// The background right beside the outline, where something else is near.
-constexpr double kBesidePx = 1.6, kBesideWidthPx = 1.8, kBesideArcPx = 1.6;
-constexpr double kBesideNoise = 0.03;
-constexpr double kFullRadiusPx = 16;  // larger ones are read more coarsely
+constexpr double kArcPx = 3;              // of the background
+constexpr double kFullRadiusPx = 16;      // larger ones are read more coarsely
 
-int StepOf(const MarkerAperture& aperture) {
+}  // namespace
+
+int MarkerMeter::StepOf(const MarkerAperture& aperture) {
   return std::clamp(static_cast<int>(aperture.b / kFullRadiusPx), 1, 3);
 }
 
-}  // namespace
+PixelGrid MarkerMeter::GridAround(const ImageView& image, const MarkerAperture& aperture,
+                                  double reach_px) {
+  const Eigen::Vector2d& at = aperture.centre_px;
+  PixelRect rect;
+  rect.x = std::max(static_cast<int>(std::floor(at.x() - reach_px)), 0);
+  rect.y = std::max(static_cast<int>(std::floor(at.y() - reach_px)), 0);
+  rect.width = std::min(static_cast<int>(std::ceil(at.x() + reach_px)) + 1, image.width) - rect.x;
+  rect.height = std::min(static_cast<int>(std::ceil(at.y() + reach_px)) + 1, image.height) - rect.y;
+  return {rect, StepOf(aperture)};
+}
 
 double MarkerMeter::WorkOf(const Blob& blob) {
   const MarkerAperture aperture(blob);
@@ -59,19 +55,13 @@ double MarkerMeter::WorkOf(const Blob& blob) {
 
 bool MarkerMeter::PlaceWindow(const ImageView& image, const MarkerAperture& aperture,
                               MarkerCentre* centre) {
-  const double reach = aperture.Reach();
   const Eigen::Vector2d& at = aperture.centre_px;
   // The ring may be cut, what is summed may not.
   const double need = aperture.a + 1;
   centre->cut = at.x() - need < 0 || at.y() - need < 0 || at.x() + need > image.width - 1 ||
                 at.y() + need > image.height - 1;
-  window_.step = StepOf(aperture);
-  PixelRect& rect = window_.rect;
-  rect.x = std::max(static_cast<int>(std::floor(at.x() - reach)), 0);
-  rect.y = std::max(static_cast<int>(std::floor(at.y() - reach)), 0);
-  rect.width = std::min(static_cast<int>(std::ceil(at.x() + reach)) + 1, image.width) - rect.x;
-  rect.height = std::min(static_cast<int>(std::ceil(at.y() + reach)) + 1, image.height) - rect.y;
-  return !rect.empty();
+  window_ = GridAround(image, aperture, aperture.Reach());
+  return !window_.rect.empty();
 }
 
 bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
@@ -87,7 +77,7 @@ bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aper
                const Eigen::Vector3f grey = GreyAt(image, x, y);
                ++wide_count;
                for (size_t c = 0; c < 3; ++c)
-                 saturated[c] += grey[static_cast<int>(c)] >= kSaturated ? 1 : 0;
+                 saturated[c] += grey[static_cast<int>(c)] >= kSaturatedGrey ? 1 : 0;
                if (squared >= kCore * kCore) return;
                sum += grey;
                ++count;
@@ -311,120 +301,6 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
   has_measured_ = centre->centre_px.allFinite() && centre->covariance_px2.allFinite() &&
                   std::isfinite(centre->skewness) && std::isfinite(centre->spread);
   return has_measured_;
-}
-
-// 1 for the channels in which the marker's light is measured, 0 for those that are saturated, where
-// the others stand out enough.
-static Eigen::Vector3f ChannelsToUse(const RingBackground& background, const MarkerCentre& centre) {
-  Eigen::Vector3f used = Eigen::Vector3f::Ones(), mean = Eigen::Vector3f::Zero();
-  for (const auto& arc : background.arcs()) mean += arc.background;
-  mean /= static_cast<float>(background.arcs().size());
-  const Eigen::Vector3d range = centre.plateau_grey - mean.cast<double>();
-  for (size_t c = 0; c < 3; ++c) used[static_cast<int>(c)] = centre.saturated[c] ? 0 : 1;
-  const double left = range.cwiseProduct(used.cast<double>()).norm();
-  if (left < std::max(kLeastUnsaturatedGrey, kLeastUnsaturated * range.norm())) used.setOnes();
-  return used;
-}
-
-// Which pixels are taken, and against which background.
-struct MarkerMeter::Collection {
-  const MarkerAperture& aperture;
-  const MarkerCentre& centre;
-  const RingBackground& background;
-  const PixelGrid& window;
-  double reach_px;     // beyond the aperture's ellipse
-  double model_noise;  // in units of coverage
-  bool near;           // also beside something else, and where the background is brighter
-};
-
-void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, OutlinePixels* pixels) {
-  const MarkerAperture& aperture = how.aperture;
-  const MarkerCentre& centre = how.centre;
-  const std::vector<RingBackground::Arc>& arcs = how.background.arcs();
-  const double noise = centre.noise_grey / std::max(1.0, centre.contrast_grey);
-  const auto precision = static_cast<float>(1 / std::hypot(noise, how.model_noise));
-  const auto single_noise = static_cast<float>(kMosaicNoise * centre.noise_grey);
-  const auto model_noise = static_cast<float>(how.model_noise);
-  const auto least = static_cast<float>(kLeastChannel * centre.contrast_grey);
-  const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
-  // Saturation hides shading, which then moves the edge.
-  const Eigen::Vector3f used = ChannelsToUse(how.background, centre);
-  if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
-    mosaic_ = FindMosaic(image, how.window.rect);
-    ++mosaic_tries_;
-  }
-  const Eigen::Matrix2d outside = aperture.Grown(how.reach_px);
-  const bool large = aperture.b > 2 * kRimPx;
-  const Eigen::Matrix2d inside = aperture.Grown(large ? -kRimPx : 0);
-  // Pixels are many where the sphere is near, and say the same.
-  const double rim =
-      2 * std::numbers::pi * aperture.a * (std::min(kRimPx, aperture.b) + how.reach_px);
-  const double step = std::max(1.0, rim / kEnoughPixels / (how.window.step * how.window.step));
-  double turn = 0;
-  ForEllipse(how.window, aperture.centre_px, outside,
-             [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
-               if (d.dot(outside * d) > 1 || (!how.near && arcs[arc_of_[i]].blocked)) return;
-               turn += large && d.dot(inside * d) < 1 ? 1 / kInsideStep : 1;
-               if (turn < step) return;
-               turn -= step;
-               const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
-               if (!mosaic_ && !how.near && used.minCoeff() > 0) {
-                 pixels->Add(at_x, at_y, share_[i], precision);
-                 return;
-               }
-               size_t arc = 0;
-               const Eigen::Vector3f background = how.background.At(d, &arc);
-               const Eigen::Vector3f above = GreyAt(image, x, y) - background;
-               Eigen::Vector3f range = plateau - background;
-               if (!mosaic_) {
-                 range = range.cwiseProduct(used);
-                 const float squared = range.squaredNorm();
-                 if (squared < least * least) return;
-                 pixels->Add(at_x, at_y, above.dot(range) / squared,
-                             1 / std::hypot(single_noise / std::sqrt(squared), model_noise), 1,
-                             background.cwiseProduct(used).maxCoeff() >= kSaturated);
-                 return;
-               }
-               const int channel = mosaic_->Channel(x, y);
-               if (!(used[channel] > 0)) return;
-               if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
-               pixels->Add(at_x, at_y, above[channel] / range[channel],
-                           1 / std::hypot(single_noise / range[channel], model_noise),
-                           std::clamp(range.maxCoeff() / range[channel], -kMostWhite, kMostWhite),
-                           background[channel] >= kSaturated);
-             });
-  pixels->FillUp();
-}
-
-void MarkerMeter::CollectPixels(const ImageView& image, const MarkerCentre& centre,
-                                OutlinePixels* pixels) {
-  pixels->Clear();
-  if (!has_measured_) return;
-  AddPixels(image,
-            {*outlined_, centre, background_, window_,
-             MarkerAperture::kMarginPx + MarkerAperture::kGapPx, kModelNoise, false},
-            pixels);
-}
-
-bool MarkerMeter::CollectNear(const ImageView& image, const Blob& blob, const MarkerCentre& centre,
-                              OutlinePixels* pixels) {
-  pixels->Clear();
-  const MarkerAperture aperture(blob);
-  PixelGrid window;
-  window.step = StepOf(aperture);
-  const double reach = aperture.a + kBesidePx + kBesideWidthPx + 1;
-  const Eigen::Vector2d& at = aperture.centre_px;
-  PixelRect& rect = window.rect;
-  rect.x = std::max(static_cast<int>(std::floor(at.x() - reach)), 0);
-  rect.y = std::max(static_cast<int>(std::floor(at.y() - reach)), 0);
-  rect.width = std::min(static_cast<int>(std::ceil(at.x() + reach)) + 1, image.width) - rect.x;
-  rect.height = std::min(static_cast<int>(std::ceil(at.y() + reach)) + 1, image.height) - rect.y;
-  if (rect.empty() || !beside_.Read(image, aperture, window, centre.plateau_grey.cast<float>(),
-                                    {kBesidePx, kBesideWidthPx, kBesideArcPx}, nullptr)) {
-    return false;
-  }
-  AddPixels(image, {aperture, centre, beside_, window, kBesidePx, kBesideNoise, true}, pixels);
-  return true;
 }
 
 }  // namespace rigcal::agent

@@ -81,6 +81,13 @@ class MarkerMeter {
   static double WorkOf(const Blob& blob);
 
  private:
+  static constexpr float kSaturatedGrey = 252;
+
+  // Pixels of a large image are read more coarsely.
+  static int StepOf(const MarkerAperture& aperture);
+  // Those within `reach_px` of an aperture's centre, along each axis.
+  static PixelGrid GridAround(const ImageView& image, const MarkerAperture& aperture,
+                              double reach_px);
   bool PlaceWindow(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
   bool ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
                    MarkerCentre* centre) const;
@@ -92,6 +99,7 @@ class MarkerMeter {
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
   void MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre);
 
+  // marker_pixels.cc
   struct Collection;
   void AddPixels(const ImageView& image, const Collection& how, OutlinePixels* pixels);
 

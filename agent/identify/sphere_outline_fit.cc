@@ -47,6 +47,23 @@ OutlineVector SolvedStep(const OutlineMatrix& information, const OutlineVector& 
   return step;
 }
 
+// Of the place, the size and the brightness; the others stay as they are.
+OutlineVector PlaceStep(const OutlineMatrix& information, const OutlineVector& gradient) {
+  Eigen::Matrix4d place;
+  Eigen::Vector4d slope;
+  for (int i = 0; i < 4; ++i) {
+    for (int k = 0; k <= i; ++k) {
+      const auto [low, high] = std::minmax(kPlaceAndSize[i], kPlaceAndSize[k]);
+      place(i, k) = place(k, i) = information(high, low);
+    }
+    slope[i] = gradient[kPlaceAndSize[i]];
+  }
+  const Eigen::Vector4d solved = place.ldlt().solve(slope);
+  OutlineVector step = OutlineVector::Zero();
+  for (int i = 0; i < 4; ++i) step[kPlaceAndSize[i]] = solved[i];
+  return step;
+}
+
 template <int kUsed>
 OutlineMatrix InverseOf(const OutlineMatrix& information) {
   OutlineMatrix inverse = OutlineMatrix::Zero();
@@ -253,15 +270,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
       for (const float wider : kWiderLosses) {
         wider_loss_ = wider;
         system = linearise(q);
-        Matrix place = Matrix::Identity();
-        Vector gradient = Vector::Zero();
-        for (const auto p : kPlaceAndSize) {
-          for (const auto r : kPlaceAndSize) {
-            place(p, r) = system.information(std::max(p, r), std::min(p, r));
-          }
-          gradient[p] = system.gradient[p];
-        }
-        const Vector step = step_of(place, gradient);
+        const Vector step = PlaceStep(system.information, system.gradient);
         if (!step.allFinite()) break;
         q += step;
         limit(&q);

@@ -65,7 +65,8 @@ const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window,
 }
 
 const BlobResult& BlobFinder::Look(const ImageView& image, BrightWords* bright) {
-  bright->Start((image.width + kMaskWordBits - 1) / kMaskWordBits, image.height);
+  bright->Start((image.width + kMaskWordBits - 1) / kMaskWordBits, image.height,
+                options_.colour.value_min);
   return Search(image, image.Bounds(), nullptr, bright);
 }
 
@@ -87,7 +88,8 @@ const BlobResult& BlobFinder::Search(const ImageView& image, const PixelRect& wi
 bool BlobFinder::MaskRow(const ImageView& image, int y, int first_word, int word_count,
                          uint64_t* words, const BrightWords* bright) const {
   uint64_t all = 0;
-  if (bright == nullptr) {
+  // What was dark for those who noted it may be bright enough here.
+  if (bright == nullptr || bright->value_min() > options_.colour.value_min) {
     all = masker_.MaskRow(image, y, first_word, word_count, words);
   } else {
     const int end = first_word + word_count;

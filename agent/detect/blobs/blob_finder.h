@@ -65,7 +65,8 @@ class BlobFinder {
 
   // The blobs of an image, or of its part inside `window`; pixels outside are as if they were
   // black. The result is valid until the next call. An image without pixels has no blobs. `bright`,
-  // if not null: of this image, noted by a finder whose `value_min` is no higher.
+  // if not null: of this image; of use where it was noted by a finder whose `value_min` is no
+  // higher.
   const BlobResult& Find(const ImageView& image, PixelRect window,
                          const BrightWords* bright = nullptr);
   const BlobResult& Find(const ImageView& image) { return Find(image, image.Bounds()); }

@@ -12,15 +12,18 @@ namespace rigcal::agent {
 // finds out, and others need not read the rest of it.
 class BrightWords {
  public:
-  // Nothing is bright.
-  void Start(int words_per_row, int height) {
+  // Nothing is bright, which is to mean: has a channel of `value_min` or more.
+  void Start(int words_per_row, int height, int value_min) {
     words_per_row_ = words_per_row;
+    value_min_ = value_min;
     bright_.assign(static_cast<size_t>(words_per_row) * static_cast<size_t>(height), 0);
   }
   // Rows from `y` on were not looked at: they may be.
   void AssumeFrom(int y) {
     std::fill(bright_.begin() + static_cast<ptrdiff_t>(Offset(y)), bright_.end(), uint8_t{1});
   }
+
+  int value_min() const { return value_min_; }
 
   // 1: bright, 0: not. By word.
   uint8_t* MutableRow(int y) { return bright_.data() + Offset(y); }
@@ -38,7 +41,7 @@ class BrightWords {
     return static_cast<size_t>(y) * static_cast<size_t>(words_per_row_);
   }
 
-  int words_per_row_ = 0;
+  int words_per_row_ = 0, value_min_ = 0;
   std::vector<uint8_t> bright_;
 };
 

@@ -15,25 +15,27 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
-// Ranges of colour. `brighter`: from value_min to the brightest; `paler`: of saturation_min.
+// Ranges of colour, and what a marker needs there.
 struct LevelRange {
-  double brighter, paler;
-  bool white;             // takes what the sensor has lost the colour of
-  bool turned = false;    // takes the hues to which clipping turns the wand's
-  bool whitened = false;  // takes what is bright in all channels instead
-  double dimmer = 1;      // of value_min
+  double brighter = 0;                      // from value_min to the brightest
+  double dimmer = 1;                        // of value_min
+  double paler = 1;                         // of saturation_min
+  bool white = false;                       // takes what the sensor has lost the colour of
+  bool turned = false;                      // takes the hues to which clipping turns the wand's
+  bool whitened = false;                    // takes what is bright in all channels instead
+  double contrast_grey = kMinContrastGrey;  // over all channels
 };
-constexpr LevelRange kLevels[] = {{0, 1, true},
-                                  {0.2, 1, true},
-                                  {0.4, 1, true},
-                                  {0.6, 1, true},
-                                  {0.35, 0.55, false},
-                                  {0, 0.55, false},
-                                  {0.2, 0.55, true, true},
-                                  {0, 0.55, false, false, true},
-                                  // Noise gives colours to what is dark and grey.
-                                  {0, 1.1, false, false, false, 0.5}};
-constexpr double kDimContrastGrey = 20;
+constexpr LevelRange kLevels[] = {
+    {.white = true},
+    {.brighter = 0.2, .white = true},
+    {.brighter = 0.4, .white = true},
+    {.brighter = 0.6, .white = true},
+    {.brighter = 0.35, .paler = 0.55},
+    {.paler = 0.55},
+    {.brighter = 0.2, .paler = 0.55, .white = true, .turned = true},
+    {.paler = 0.55, .whitened = true},
+    // Noise gives colours to what is dark and grey: no paler than configured.
+    {.dimmer = 0.5, .paler = 1.1, .contrast_grey = 20}};
 constexpr double kPastSecondaryDeg = 3;
 constexpr int kLargeAreaPx = 800;
 constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
@@ -136,9 +138,7 @@ bool HasOtherHalves(absl::Span<const Spot> spots, absl::Span<const int> chosen) 
   });
 }
 
-double SpotFinder::min_contrast_grey() const {
-  return level_ == kDimLevel ? kDimContrastGrey : kMinContrastGrey;
-}
+double SpotFinder::min_contrast_grey() const { return kLevels[level_].contrast_grey; }
 
 void SpotFinder::SetIgnored(const PixelMask& ignored) {
   for (Level& level : levels_) {
@@ -258,8 +258,7 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
   spots_.clear();
   BlobFinder& finder = levels_[level_].blobs;
   const bool is_known = looked_ && level_ == 0 && part == image.Bounds();
-  // What the widest level takes for dark may be bright for the dim one.
-  const BrightWords* const bright = looked_ && level_ != kDimLevel ? &bright_ : nullptr;
+  const BrightWords* const bright = looked_ ? &bright_ : nullptr;
   const BlobResult& found = is_known ? finder.result() : finder.Find(image, part, bright);
   runs_ += found.run_count;
   searches_ += found.row_count == image.height ? 1 : 0;

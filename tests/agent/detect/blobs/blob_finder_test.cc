@@ -142,7 +142,6 @@ TEST(BlobFinder, FindsWhatFloodingFinds) {
   }
 }
 
-// Pixels beside the window must not leak in, wherever its edges fall within the words.
 // A second finder that reads only the words that the first one noted finds what it would find
 // alone.
 TEST(BlobFinder, ReadsOnlyWhatIsBright) {
@@ -177,6 +176,22 @@ TEST(BlobFinder, AssumesThatWhatItDidNotReachIsBright) {
                   all.Find(image.View(), image.View().Bounds(), &bright));
 }
 
+// What was dark for the one that noted it is bright for a dimmer one.
+TEST(BlobFinder, ADimmerOneReadsEverything) {
+  BlobFinderOptions brighter = TakesAll();
+  brighter.colour.value_min = 150;
+  ASSERT_OK_AND_ASSIGN(BlobFinder first, BlobFinder::Create(brighter));
+  ASSERT_OK_AND_ASSIGN(BlobFinder all, BlobFinder::Create(TakesAll()));
+  Image image(320, 20);
+  FillRandomly(9, 0.02, &image);
+  for (uint8_t& value : image.bytes) value = static_cast<uint8_t>(value / 2);
+  BrightWords bright;
+  first.Look(image.View(), &bright);
+  ExpectAsFlooded(image, image.View().Bounds(), TakesAll().colour,
+                  all.Find(image.View(), image.View().Bounds(), &bright));
+}
+
+// Pixels beside the window must not leak in, wherever its edges fall within the words.
 TEST(BlobFinder, SearchesWindowsAtEveryPlace) {
   ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(TakesAll()));
   Image image(150, 6);

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// The pixels of a marker and of its surroundings to which its outline is fitted.
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "agent/identify/marker_centre.h"
+
+namespace rigcal::agent {
+namespace {
+
+// Without its saturated channels a marker must keep this share of its contrast.
+constexpr double kLeastUnsaturated = 0.25, kLeastUnsaturatedGrey = 40;
+constexpr double kModelNoise = 0.015;  // of the outline's model, in units of coverage
+constexpr int kMosaicTries = 3;        // of an image
+constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
+constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
+constexpr float kMostWhite = 6;
+constexpr double kRimPx = 5;         // further inside every fifth pixel is enough
+constexpr double kInsideStep = 5.3;  // not in step with a mosaic
+constexpr double kEnoughPixels = 700;
+// The background right beside the outline, where something else is near.
+constexpr double kBesidePx = 1.6, kBesideWidthPx = 1.8, kBesideArcPx = 1.6;
+constexpr double kBesideNoise = 0.03;
+
+// 1 for the channels in which the marker's light is measured, 0 for those that are saturated, where
+// the others stand out enough.
+Eigen::Vector3f ChannelsToUse(const RingBackground& background, const MarkerCentre& centre) {
+  Eigen::Vector3f used = Eigen::Vector3f::Ones(), mean = Eigen::Vector3f::Zero();
+  for (const auto& arc : background.arcs()) mean += arc.background;
+  mean /= static_cast<float>(background.arcs().size());
+  const Eigen::Vector3d range = centre.plateau_grey - mean.cast<double>();
+  for (size_t c = 0; c < 3; ++c) used[static_cast<int>(c)] = centre.saturated[c] ? 0 : 1;
+  const double left = range.cwiseProduct(used.cast<double>()).norm();
+  if (left < std::max(kLeastUnsaturatedGrey, kLeastUnsaturated * range.norm())) used.setOnes();
+  return used;
+}
+
+}  // namespace
+
+// Which pixels are taken, and against which background.
+struct MarkerMeter::Collection {
+  const MarkerAperture& aperture;
+  const MarkerCentre& centre;
+  const RingBackground& background;
+  const PixelGrid& window;
+  double reach_px;     // beyond the aperture's ellipse
+  double model_noise;  // in units of coverage
+  bool near;           // also beside something else, and where the background is brighter
+};
+
+void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, OutlinePixels* pixels) {
+  const MarkerAperture& aperture = how.aperture;
+  const MarkerCentre& centre = how.centre;
+  const std::vector<RingBackground::Arc>& arcs = how.background.arcs();
+  const double noise = centre.noise_grey / std::max(1.0, centre.contrast_grey);
+  const auto precision = static_cast<float>(1 / std::hypot(noise, how.model_noise));
+  const auto single_noise = static_cast<float>(kMosaicNoise * centre.noise_grey);
+  const auto model_noise = static_cast<float>(how.model_noise);
+  const auto least = static_cast<float>(kLeastChannel * centre.contrast_grey);
+  const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
+  // Saturation hides shading, which then moves the edge.
+  const Eigen::Vector3f used = ChannelsToUse(how.background, centre);
+  if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
+    mosaic_ = FindMosaic(image, how.window.rect);
+    ++mosaic_tries_;
+  }
+  const Eigen::Matrix2d outside = aperture.Grown(how.reach_px);
+  const bool large = aperture.b > 2 * kRimPx;
+  const Eigen::Matrix2d inside = aperture.Grown(large ? -kRimPx : 0);
+  // Pixels are many where the sphere is near, and say the same.
+  const double rim =
+      2 * std::numbers::pi * aperture.a * (std::min(kRimPx, aperture.b) + how.reach_px);
+  const double step = std::max(1.0, rim / kEnoughPixels / (how.window.step * how.window.step));
+  double turn = 0;
+  ForEllipse(how.window, aperture.centre_px, outside,
+             [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+               if (d.dot(outside * d) > 1 || (!how.near && arcs[arc_of_[i]].blocked)) return;
+               turn += large && d.dot(inside * d) < 1 ? 1 / kInsideStep : 1;
+               if (turn < step) return;
+               turn -= step;
+               const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
+               if (!mosaic_ && !how.near && used.minCoeff() > 0) {
+                 pixels->Add(at_x, at_y, share_[i], precision);
+                 return;
+               }
+               size_t arc = 0;
+               const Eigen::Vector3f background = how.background.At(d, &arc);
+               const Eigen::Vector3f above = GreyAt(image, x, y) - background;
+               Eigen::Vector3f range = plateau - background;
+               if (!mosaic_) {
+                 range = range.cwiseProduct(used);
+                 const float squared = range.squaredNorm();
+                 if (squared < least * least) return;
+                 pixels->Add(at_x, at_y, above.dot(range) / squared,
+                             1 / std::hypot(single_noise / std::sqrt(squared), model_noise), 1,
+                             background.cwiseProduct(used).maxCoeff() >= kSaturatedGrey);
+                 return;
+               }
+               const int channel = mosaic_->Channel(x, y);
+               if (!(used[channel] > 0)) return;
+               if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
+               pixels->Add(at_x, at_y, above[channel] / range[channel],
+                           1 / std::hypot(single_noise / range[channel], model_noise),
+                           std::clamp(range.maxCoeff() / range[channel], -kMostWhite, kMostWhite),
+                           background[channel] >= kSaturatedGrey);
+             });
+  pixels->FillUp();
+}
+
+void MarkerMeter::CollectPixels(const ImageView& image, const MarkerCentre& centre,
+                                OutlinePixels* pixels) {
+  pixels->Clear();
+  if (!has_measured_) return;
+  AddPixels(image,
+            {*outlined_, centre, background_, window_,
+             MarkerAperture::kMarginPx + MarkerAperture::kGapPx, kModelNoise, false},
+            pixels);
+}
+
+bool MarkerMeter::CollectNear(const ImageView& image, const Blob& blob, const MarkerCentre& centre,
+                              OutlinePixels* pixels) {
+  pixels->Clear();
+  const MarkerAperture aperture(blob);
+  const PixelGrid window = GridAround(image, aperture, aperture.a + kBesidePx + kBesideWidthPx + 1);
+  if (window.rect.empty() ||
+      !beside_.Read(image, aperture, window, centre.plateau_grey.cast<float>(),
+                    {kBesidePx, kBesideWidthPx, kBesideArcPx}, nullptr)) {
+    return false;
+  }
+  AddPixels(image, {aperture, centre, beside_, window, kBesidePx, kBesideNoise, true}, pixels);
+  return true;
+}
+
+}  // namespace rigcal::agent

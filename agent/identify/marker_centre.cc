@@ -11,10 +11,13 @@ namespace {
 
 // Coverage up to which a pixel counts as background, and from which on as marker.
 constexpr float kFree = 0.22f, kCovered = 0.8f;
-constexpr float kStrange = 0.3f;     // of the contrast: away from all mixtures of the two colours
+constexpr float kStrange = 0.3f;  // of the contrast: away from all mixtures of the two colours
+// A marker's colour without white: least that can be told, and pixels more by it than by all.
+constexpr double kLeastColourGrey = 12, kLeastColour = 0.3, kMoreColoured = 1.1;
+constexpr int kLeastOutlinePx = 4;
 constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
 constexpr double kWideCore = 0.85;   // of it: where saturation is looked for
-constexpr double kMinContrast = 20;  // grey levels
+constexpr double kMinContrast = 12;  // grey levels
 constexpr double kUsualStep = 1.2;   // root mean square of usual steps over their mean
 constexpr double kMostSaturated = 0.04;
 // Pixels this bright (kForeign) and this far outside of the blob belong to something else.
@@ -29,6 +32,39 @@ constexpr double kShiftPerSkewness = 4;
 constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
 constexpr double kArcPx = 3;              // of the background
 constexpr double kFullRadiusPx = 16;      // larger ones are read more coarsely
+
+// Without white.
+Eigen::Vector3f ColourOf(const Eigen::Vector3f& grey) { return grey.array() - grey.mean(); }
+
+// The share of what is left of `range` without white in `above`; 0 where that is too little, and of
+// what is another colour by more than `strange`.
+float ColourShare(const Eigen::Vector3f& above, const Eigen::Vector3f& range, float least,
+                  float strange) {
+  const Eigen::Vector3f colour = ColourOf(range);
+  const float squared = colour.squaredNorm();
+  if (squared < least * least) return 0;
+  const Eigen::Vector3f coloured = ColourOf(above);
+  const float share = coloured.dot(colour) / squared;
+  return (coloured - share * colour).squaredNorm() > strange * strange ? 0 : share;
+}
+
+struct PixelMoments {
+  int count = 0;
+  Eigen::Vector2d first = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+
+  void Add(const Eigen::Vector2d& d) {
+    ++count;
+    first += d;
+    second += d * d.transpose();
+  }
+  Eigen::Vector2d Mean() const { return first / count; }
+  Eigen::Matrix2d Moment() const { return second / count - Mean() * Mean().transpose(); }
+  // As MarkerCentre::spread.
+  double Spread() const {
+    return 4 * std::numbers::pi * std::sqrt(std::max(0.0, Moment().determinant())) / count;
+  }
+};
 
 }  // namespace
 
@@ -96,6 +132,7 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
   const size_t size = window_.size();
   coverage_.resize(size);
   share_.resize(size);
+  colour_share_.resize(size);
   gain_.resize(size);
   arc_of_.resize(size);
   foreign_.resize(size);
@@ -115,51 +152,56 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
   if (!(centre->contrast_grey > kMinContrast)) return false;
   const auto least = static_cast<float>(0.3 * centre->contrast_grey);
   const auto strange = static_cast<float>(kStrange * centre->contrast_grey);
+  const auto least_colour =
+      static_cast<float>(std::max(kLeastColourGrey, kLeastColour * centre->contrast_grey));
   // A little beyond what is summed: the aperture follows the centroid.
   reach_ = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx + 1);
   std::ranges::fill(coverage_, 0.0f);
   std::ranges::fill(gain_, 0.0f);
   std::ranges::fill(foreign_, uint8_t{0});
   std::ranges::fill(arc_of_, uint16_t{0});
-  ForEllipse(
-      window_, aperture.centre_px, reach_, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
-        if (d.dot(reach_ * d) > 1) return;
-        size_t arc = 0;
-        const Eigen::Vector3f background = background_.At(d, &arc);
-        const Eigen::Vector3f range = plateau - background;
-        const float squared = std::max(range.squaredNorm(), least * least);
-        const Eigen::Vector3f above = GreyAt(image, x, y) - background;
-        const float share = above.dot(range) / squared;
-        const float counted = (share - kFree) / (kCovered - kFree);
-        share_[i] = share;
-        coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
-        gain_[i] = counted > 0 && counted < 1 ? 1 / (std::sqrt(squared) * (kCovered - kFree)) : 0;
-        foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
-        if ((above - share * range).squaredNorm() > strange * strange) foreign_[i] |= kOtherColour;
-        arc_of_[i] = static_cast<uint16_t>(arc);
-      });
+  ForEllipse(window_, aperture.centre_px, reach_,
+             [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+               if (d.dot(reach_ * d) > 1) return;
+               size_t arc = 0;
+               const Eigen::Vector3f background = background_.At(d, &arc);
+               const Eigen::Vector3f range = plateau - background;
+               const float squared = std::max(range.squaredNorm(), least * least);
+               const Eigen::Vector3f above = GreyAt(image, x, y) - background;
+               const float share = above.dot(range) / squared;
+               share_[i] = share;
+               foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
+               if ((above - share * range).squaredNorm() > strange * strange)
+                 foreign_[i] |= kOtherColour;
+               colour_share_[i] = ColourShare(above, range, least_colour, strange);
+               const float counted =
+                   ((is_half_white_ ? colour_share_[i] : share) - kFree) / (kCovered - kFree);
+               coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
+               const float grey = is_half_white_ ? ColourOf(range).norm() : std::sqrt(squared);
+               gain_[i] = counted > 0 && counted < 1 ? 1 / (grey * (kCovered - kFree)) : 0;
+               arc_of_[i] = static_cast<uint16_t>(arc);
+             });
   return true;
 }
 
-bool MarkerMeter::Outline(const MarkerAperture& aperture, Blob* blob) const {
+bool MarkerMeter::Outline(const MarkerAperture& aperture, Blob* blob) {
   const Eigen::Matrix2d grown = aperture.Grown(1);
-  const float half = (0.5f - kFree) / (kCovered - kFree);
-  double count = 0;
-  Eigen::Vector2d first = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  PixelMoments covered, coloured;
   ForEllipse(window_, aperture.centre_px, grown, [&](size_t i, int, int, const Eigen::Vector2d& d) {
-    if (coverage_[i] < half || (foreign_[i] & kOtherColour) != 0 || d.dot(grown * d) > 1) {
-      return;
-    }
-    ++count;
-    first += d;
-    second += d * d.transpose();
+    if (d.dot(grown * d) > 1) return;
+    if (share_[i] >= 0.5f && (foreign_[i] & kOtherColour) == 0) covered.Add(d);
+    if (colour_share_[i] >= 0.5f) coloured.Add(d);
   });
-  if (count < 4) return false;
-  first /= count;
-  blob->centre_px = aperture.centre_px + first;
-  blob->second_moment_px2 = second / count - first * first.transpose();
-  blob->area_px = static_cast<int>(count) * window_.step * window_.step;
+  // White light on one side makes the other side another colour; but noise and what is coloured
+  // beside it count more without brightness.
+  is_half_white_ = coloured.count >= kLeastOutlinePx &&
+                   coloured.count > kMoreColoured * covered.count &&
+                   (covered.count < kLeastOutlinePx || coloured.Spread() < covered.Spread());
+  const PixelMoments& found = is_half_white_ ? coloured : covered;
+  if (found.count < kLeastOutlinePx) return false;
+  blob->centre_px = aperture.centre_px + found.Mean();
+  blob->second_moment_px2 = found.Moment();
+  blob->area_px = found.count * window_.step * window_.step;
   return true;
 }
 
@@ -275,7 +317,7 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
 bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre) {
   *centre = MarkerCentre();
   Blob outlined = blob;
-  has_measured_ = false;
+  has_measured_ = is_half_white_ = false;
   for (const bool last : {false, true}) {
     MarkerAperture aperture(outlined);
     if (!PlaceWindow(image, aperture, centre) || !ReadPlateau(image, aperture, centre) ||

@@ -93,7 +93,7 @@ class MarkerMeter {
                    MarkerCentre* centre) const;
   bool Cover(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
   // The blob of the pixels that are more marker than background, without what its mask merged with.
-  bool Outline(const MarkerAperture& aperture, Blob* blob) const;
+  bool Outline(const MarkerAperture& aperture, Blob* blob);
   void Block(const MarkerAperture& aperture);
   double AlikeAround(const MarkerAperture& aperture) const;
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
@@ -107,11 +107,13 @@ class MarkerMeter {
   RingBackground background_, beside_;
   std::vector<float> coverage_;  // of the window, clipped
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
-  std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it
-  std::vector<uint16_t> arc_of_;  // of the window
-  std::vector<float> share_;      // of the window: coverage, not clipped
+  std::vector<uint8_t> foreign_;     // of the window: what cannot be the marker outside of it
+  std::vector<uint16_t> arc_of_;     // of the window
+  std::vector<float> share_;         // of the window: coverage, not clipped
+  std::vector<float> colour_share_;  // of the window: the same by colour without white
   Eigen::Matrix2d reach_ = Eigen::Matrix2d::Identity();  // what of the window is filled
   bool has_measured_ = false;
+  bool is_half_white_ = false;          // measured by its colour without white
   std::optional<ColourMosaic> mosaic_;  // of the image
   int mosaic_tries_ = 0;
   std::optional<MarkerAperture> outlined_;  // of the last Measure

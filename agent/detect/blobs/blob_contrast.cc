@@ -38,8 +38,8 @@ bool Read(const ImageView& image, const Eigen::Vector2d& at, Eigen::Vector3f* gr
 
 }  // namespace
 
-bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_core, float* alike,
-               double min_contrast_grey) {
+std::optional<BlobContrast> StandsOut(const ImageView& image, const Blob& blob,
+                                      double min_contrast_grey) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
   eigen.computeDirect(blob.second_moment_px2);
   const Eigen::Vector2d semi = (4 * eigen.eigenvalues()).cwiseMax(0.25).cwiseSqrt();
@@ -56,19 +56,22 @@ bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_co
     core += grey;
     ++count;
   }
-  if (count == 0) return false;
+  if (count == 0) return std::nullopt;
   core /= static_cast<float>(count);
-  int different = 0;
+  Eigen::Vector3f around = Eigen::Vector3f::Zero();
+  int different = 0, inside = 0;
   for (int i = 0; i < kDirections; ++i) {
     if (!Read(image, at(i, 1, kBeyondPx), &grey)) {
       ++different;  // what is outside says nothing against it
       continue;
     }
+    around += grey;
+    ++inside;
     different += (core - grey).norm() >= static_cast<float>(min_contrast_grey) ? 1 : 0;
   }
-  if (its_core != nullptr) *its_core = core;
-  if (alike != nullptr) *alike = 1 - static_cast<float>(different) / kDirections;
-  return different >= kEnough;
+  if (different < kEnough) return std::nullopt;
+  if (inside > 0) around /= static_cast<float>(inside);
+  return BlobContrast{core, around, 1 - static_cast<float>(different) / kDirections};
 }
 
 }  // namespace rigcal::agent

@@ -61,17 +61,39 @@ absl::StatusOr<BlobFinder> BlobFinder::Create(BlobFinderOptions options, const M
 
 const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window,
                                    const BrightWords* bright) {
-  return Search(image, window, bright, nullptr);
+  return Search(image, window, [&](int y, int first_word, int word_count, uint64_t* words) {
+    return MaskRow(image, y, first_word, word_count, words, bright);
+  });
 }
 
 const BlobResult& BlobFinder::Look(const ImageView& image, BrightWords* bright) {
   bright->Start((image.width + kMaskWordBits - 1) / kMaskWordBits, image.height,
                 options_.colour.value_min);
-  return Search(image, image.Bounds(), nullptr, bright);
+  const BlobResult& found =
+      Search(image, image.Bounds(), [&](int y, int first_word, int word_count, uint64_t* words) {
+        uint8_t* const row = bright->MutableRow(y);
+        if (masker_.MaskRow(image, y, first_word, word_count, words, row) == 0) return false;
+        Ignore(image, y, first_word, word_count, words);
+        return true;
+      });
+  if (found.cut_short) bright->AssumeFrom(found.row_count);
+  return found;
+}
+
+const BlobResult& BlobFinder::FindIn(const ImageView& image, const PixelRect& window,
+                                     const PixelMask& mask) {
+  return Search(image, window, [&](int y, int first_word, int word_count, uint64_t* words) {
+    std::copy_n(mask.Row(y) + first_word, word_count, words);
+    if (std::all_of(words, words + word_count, [](uint64_t word) { return word == 0; })) {
+      return false;
+    }
+    Ignore(image, y, first_word, word_count, words);
+    return true;
+  });
 }
 
 const BlobResult& BlobFinder::Search(const ImageView& image, const PixelRect& window,
-                                     const BrightWords* known, BrightWords* noted) {
+                                     RowReader read) {
   result_.blobs.clear();
   result_.over_limit = 0;
   result_.passed_px = 0;
@@ -80,7 +102,7 @@ const BlobResult& BlobFinder::Search(const ImageView& image, const PixelRect& wi
   result_.row_count = 0;
   const PixelRect inside = Clip(window, image);
   if (image.data == nullptr || inside.empty()) return result_;
-  LabelRows(image, inside, known, noted);
+  LabelRows(inside, read);
   KeepBlobs(image, labeller_.Finish());
   return result_;
 }
@@ -115,8 +137,7 @@ void BlobFinder::Ignore(const ImageView& image, int y, int first_word, int word_
   if (background_ != nullptr) background_->Remove(image, y, first_word, word_count, words);
 }
 
-void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window,
-                           const BrightWords* known, BrightWords* noted) {
+void BlobFinder::LabelRows(const PixelRect& window, RowReader read) {
   const int first_word = window.x / kMaskWordBits;
   const int last_column = window.x + window.width - 1;
   const int word_count = last_column / kMaskWordBits - first_word + 1;
@@ -127,21 +148,13 @@ void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window,
   for (int y = window.y; y < window.y + window.height; ++y) {
     uint64_t* words = words_.data();
     ++result_.row_count;
-    if (noted != nullptr) {
-      uint8_t* const bright = noted->MutableRow(y);
-      if (masker_.MaskRow(image, y, first_word, word_count, words, bright) == 0) continue;
-      Ignore(image, y, first_word, word_count, words);
-    } else if (!MaskRow(image, y, first_word, word_count, words, known)) {
-      continue;
-    }
+    if (!read(y, first_word, word_count, words)) continue;
     words[0] &= first_bits;
     words[word_count - 1] &= last_bits;
     labeller_.AddRow(y, first_word * kMaskWordBits, words, word_count);
     result_.run_count = labeller_.run_count();
     result_.cut_short = result_.run_count > options_.max_runs;
-    if (!result_.cut_short) continue;
-    if (noted != nullptr) noted->AssumeFrom(y + 1);
-    return;
+    if (result_.cut_short) return;
   }
 }
 

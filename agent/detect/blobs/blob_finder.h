@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "agent/detect/blobs/bright_words.h"
 #include "agent/detect/blobs/colour_masker.h"
 #include "agent/detect/blobs/run_labeller.h"
@@ -72,6 +73,8 @@ class BlobFinder {
   const BlobResult& Find(const ImageView& image) { return Find(image, image.Bounds()); }
   // The blobs of an image; notes which words are bright.
   const BlobResult& Look(const ImageView& image, BrightWords* bright);
+  // The blobs of another mask of the image, of its size, in a part of it.
+  const BlobResult& FindIn(const ImageView& image, const PixelRect& window, const PixelMask& mask);
   const BlobResult& result() const { return result_; }  // of the last Find or Look
 
   // The pixels of a row that may belong to a blob, as ColourMasker::MaskRow gives them; false:
@@ -82,11 +85,11 @@ class BlobFinder {
  private:
   BlobFinder(BlobFinderOptions options, ColourMasker masker) : options_(options), masker_(masker) {}
 
-  // `known` is what may be bright; `noted` is filled. Either may be null.
-  const BlobResult& Search(const ImageView& image, const PixelRect& window,
-                           const BrightWords* known, BrightWords* noted);
-  void LabelRows(const ImageView& image, const PixelRect& window, const BrightWords* known,
-                 BrightWords* noted);
+  // Writes the words of a row of a mask; false: none.
+  using RowReader = absl::FunctionRef<bool(int y, int first_word, int word_count, uint64_t* words)>;
+
+  const BlobResult& Search(const ImageView& image, const PixelRect& window, RowReader read);
+  void LabelRows(const PixelRect& window, RowReader read);
   // Without what is ignored.
   void Ignore(const ImageView& image, int y, int first_word, int word_count, uint64_t* words) const;
   void KeepBlobs(const ImageView& image, const std::vector<ComponentSums>& components);

@@ -35,8 +35,10 @@ constexpr LevelRange kLevels[] = {
     {.brighter = 0.2, .paler = 0.55, .white = true, .turned = true},
     {.paler = 0.55, .whitened = true},
     // Noise gives colours to what is dark and grey: no paler than configured.
-    {.dimmer = 0.5, .paler = 1.1, .contrast_grey = 20}};
+    {.dimmer = 0.5, .paler = 1.1, .contrast_grey = 20},
+    {.contrast_grey = 14}};
 constexpr double kPastSecondaryDeg = 3;
+constexpr double kNearHueDeg = 20;  // of what a marker adds to its surroundings, which have a hue
 constexpr int kLargeAreaPx = 800;
 constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
 constexpr int kMostPairs = 32;                        // of each level
@@ -62,6 +64,29 @@ int MainChannel(const ColourRange& colour) {
   const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
   const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
   return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
+}
+
+// The channel that is weakest there.
+int WeakestChannel(const ColourRange& colour) {
+  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
+  const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
+  return middle < 120 ? 0 : middle < 240 ? 2 : 1;
+}
+
+// Of the difference of two colours, blue, green, red; white in both changes nothing.
+double HueDeg(const Eigen::Vector3f& bgr) {
+  const float most = bgr.maxCoeff(), chroma = most - bgr.minCoeff();
+  if (!(chroma > 0)) return 0;
+  const float sixths = bgr[2] == most   ? (bgr[1] - bgr[0]) / chroma
+                       : bgr[1] == most ? 2 + (bgr[0] - bgr[2]) / chroma
+                                        : 4 + (bgr[2] - bgr[1]) / chroma;
+  return std::fmod(60 * static_cast<double>(sixths) + 360, 360);
+}
+
+bool IsNear(double hue_deg, const ColourRange& colour) {
+  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
+  const double from_min = std::fmod(hue_deg - colour.hue_min_deg + 720, 360);
+  return from_min <= width + kNearHueDeg || from_min >= 360 - kNearHueDeg;
 }
 
 // A range that also takes hues up to yellow, cyan or magenta, whichever is next to its middle:
@@ -103,7 +128,10 @@ bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect&
 }  // namespace
 
 SpotFinder::SpotFinder(const BlobFinderOptions& options)
-    : min_area_px_(options.min_area_px), main_channel_(MainChannel(options.colour)) {}
+    : min_area_px_(options.min_area_px),
+      colour_(options.colour),
+      main_channel_(MainChannel(options.colour)),
+      contrast_(main_channel_, WeakestChannel(options.colour)) {}
 
 absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options) {
   SpotFinder finder(options);
@@ -208,12 +236,17 @@ void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut, int
   Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
   ++looked_at_;
   // A piece of a patch is held to the wand's colour too.
-  float alike = 0;
-  if (!StandsOut(image, blob, &spot.core, &alike, min_contrast_grey()) || !HasColour(image, blob)) {
+  const auto contrast = StandsOut(image, blob, min_contrast_grey());
+  if (!contrast) return;
+  if (level_ != kContrastLevel) {
+    if (!HasColour(image, blob)) return;
+  } else if (image.format == PixelFormat::kBgr8 &&
+             !IsNear(HueDeg(contrast->core - contrast->around), colour_)) {
     return;
   }
+  spot.core = contrast->core;
   const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
-  spot.doubt = kAlikeDoubt * static_cast<double>(alike) + ShapeDoubt(blob) +
+  spot.doubt = kAlikeDoubt * static_cast<double>(contrast->alike) + ShapeDoubt(blob) +
                kSmallDoubt * std::max(0.0, kFewBelowPx - radius_px);
   // The box of one blob may hold a part of another's pieces.
   for (Spot& known : spots_) {
@@ -259,9 +292,12 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
   BlobFinder& finder = levels_[level_].blobs;
   const bool is_known = looked_ && level_ == 0 && part == image.Bounds();
   const BrightWords* const bright = looked_ ? &bright_ : nullptr;
-  const BlobResult& found = is_known ? finder.result() : finder.Find(image, part, bright);
+  const BlobResult& found = is_known ? finder.result()
+                            : level_ == kContrastLevel
+                                ? finder.FindIn(image, part, contrast_.Mask(image, part))
+                                : finder.Find(image, part, bright);
   runs_ += found.run_count;
-  searches_ += found.row_count == image.height ? 1 : 0;
+  searches_ += found.row_count == image.height ? (level_ == kContrastLevel ? 4 : 1) : 0;
   const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
   // Those that a marker may be a part of, the smallest first.
   std::vector<const Blob*> patches;
@@ -270,7 +306,8 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
     const bool round = IsRound(blob);
     if (round) Keep(image, blob, is_cut(blob));
     // Of a large round one too: a sphere in front of a warm lampshade.
-    if (!round || blob.area_px >= kLargeAreaPx) patches.push_back(&blob);
+    if (level_ != kContrastLevel && (!round || blob.area_px >= kLargeAreaPx))
+      patches.push_back(&blob);
     if (blob.area_px >= kLeastPairPx && blob.area_px <= kMostPairPx) pairs_.push_back(&blob);
   }
   const auto box_px = [](const Blob& blob) { return int64_t{blob.box.width} * blob.box.height; };

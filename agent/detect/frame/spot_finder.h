@@ -12,6 +12,7 @@
 #include "absl/types/span.h"
 #include "agent/detect/blobs/blob_finder.h"
 #include "agent/detect/blobs/blob_splitter.h"
+#include "agent/detect/blobs/contrast_masker.h"
 #include "agent/detect/blobs/disc_finder.h"
 
 namespace rigcal::agent {
@@ -48,6 +49,8 @@ class SpotFinder {
   // Of spheres half as bright as configured: an exposure that is shorter than a blink catches a
   // part of its light only.
   static constexpr size_t kDimLevel = 8;
+  // Of spheres that have only more of their colour than what is around them.
+  static constexpr size_t kContrastLevel = 9;
 
   // INVALID_ARGUMENT: options not valid.
   static absl::StatusOr<SpotFinder> Create(const BlobFinderOptions& options);
@@ -96,9 +99,11 @@ class SpotFinder {
   std::vector<Level> levels_;
   size_t level_ = 0;
   int min_area_px_;
+  ColourRange colour_;
   int main_channel_;  // of the wand's colour, in an image's pixel
   BlobSplitter splitter_;
   DiscFinder discs_;
+  ContrastMasker contrast_;
   std::vector<const Blob*> pairs_;  // what may be two spheres
   std::vector<Spot> spots_;
   double least_doubt_left_ = std::numeric_limits<double>::infinity();

@@ -120,13 +120,20 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
     cut_short_ |= EstimatedMs() > kNoFurtherMs;
     if (EstimatedMs() > kNoFurtherMs) return true;
     verdict = Search(image, image.Bounds(), level);
-    if (verdict.wand && verdict.wand->OccludedCount() > 0 && level < SpotFinder::kPaleLevels[1] &&
+    if (verdict.wand && verdict.wand->OccludedCount() > 0 &&
+        (level < SpotFinder::kPaleLevels[1] || level == SpotFinder::kContrastLevel) &&
         EstimatedMs() < kAnotherLevelMs && (is_white || IsLit(image))) {
       if (!*of_parts || verdict.wand->cost < (*of_parts)->cost) *of_parts = verdict.wand;
       verdict.wand.reset();
     }
     return verdict.wand.has_value() || has_rivals_;
   };
+  // What stands out of a lit room. Rivals are told apart in other levels.
+  if (is_white || IsLit(image)) {
+    if (search(SpotFinder::kContrastLevel) && !has_rivals_) return verdict;
+    verdict = Verdict();
+    has_rivals_ = false;
+  }
   for (const size_t level : SpotFinder::kWideLevels) {
     if (is_white) break;
     if (search(level) && !has_rivals_) return verdict;
@@ -243,7 +250,8 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
   cut_short_ |= verdict.left_out;
   if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) {
     // Whole wands are looked for in the next levels first: light of a room whitens the spheres.
-    parts_left_ = more_follow || (level < SpotFinder::kPaleLevels[0] && IsLit(image));
+    parts_left_ = more_follow || level == SpotFinder::kContrastLevel ||
+                  (level < SpotFinder::kPaleLevels[0] && IsLit(image));
     if (parts_left_) return verdict;
     return SearchPartial(image, level < SpotFinder::kPaleLevels[1] ? kWorkOfNext : 0);
   }

@@ -93,11 +93,11 @@ TEST(BlobSplitter, OneDiscStaysOne) {
 TEST(StandsOut, TellsALampFromTheBrighterPartOfAWall) {
   Image image;
   image.Disc(40, 40, 8, 200);
-  EXPECT_TRUE(StandsOut(image.View(), image.Find()));
+  EXPECT_TRUE(StandsOut(image.View(), image.Find()).has_value());
   Image wall;
   wall.pixels.assign(wall.pixels.size(), 50);
   wall.Disc(40, 40, 8, 70);
-  EXPECT_FALSE(StandsOut(wall.View(), wall.Find()));
+  EXPECT_FALSE(StandsOut(wall.View(), wall.Find()).has_value());
 }
 
 }  // namespace

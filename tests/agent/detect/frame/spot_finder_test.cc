@@ -133,5 +133,33 @@ TEST(SpotFinder, ADimDiscIsFoundInTheDimLevelOnly) {
   }
 }
 
+// Its light adds little to a wall that is as bright as any sphere, or has its hue.
+TEST(SpotFinder, ADiscThatAddsLittleToAWallIsFoundByItsContrast) {
+  SpotFinder finder = MustCreate();
+  for (const Bgr& wall : {Bgr{120, 120, 120}, Bgr{40, 80, 120}}) {
+    const auto add = [&](int blue, int green, int red) {
+      return Bgr{static_cast<uint8_t>(wall.blue + blue), static_cast<uint8_t>(wall.green + green),
+                 static_cast<uint8_t>(wall.red + red)};
+    };
+    Picture picture(0);
+    picture.Fill(0, 0, kWidth, kHeight, wall);
+    picture.AddDisc(300, 200, 7, add(2, 10, 20));
+    picture.AddDisc(400, 200, 7, add(30, 40, 50));
+    picture.AddDisc(100, 200, 7, add(30, 30, 30));  // white
+    picture.AddDisc(200, 200, 7, add(10, 0, 22));   // pink
+    picture.AddDisc(100, 300, 7, add(10, 30, 22));  // green
+    picture.AddDisc(200, 300, 7, add(1, 4, 8));     // next to nothing
+    for (const size_t level : {size_t{0}, SpotFinder::kPaleLevels[1], SpotFinder::kContrastLevel}) {
+      finder.BeginImage();
+      finder.Look(picture.View());
+      finder.Find(picture.View(), picture.View().Bounds(), level);
+      const size_t expected = level == SpotFinder::kContrastLevel ? 1 : 0;
+      EXPECT_EQ(SpotsAt(finder, 300, 200, 0.6).size(), expected);
+      EXPECT_EQ(SpotsAt(finder, 400, 200, 0.6).size(), expected);
+    }
+    EXPECT_EQ(finder.spots().size(), 2u);
+  }
+}
+
 }  // namespace
 }  // namespace rigcal::agent::spot_finder_test

@@ -107,6 +107,20 @@ TEST(WandDetector, DimSpheresOfAShortExposureAreFound) {
   }
 }
 
+// Before a wall that is brighter than they are: their light adds a few grey levels.
+TEST(WandDetector, SpheresThatAddLittleToAWallAreFound) {
+  RenderedWand scene;
+  const FrameGroundTruth ground_truth = scene.Render(Standing());
+  for (uint8_t& grey : scene.pixels) grey = static_cast<uint8_t>(120 + grey / 8);
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View());
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  for (size_t k = 0; k < 3; ++k) {
+    const MarkerObservation& marker = detection.observation.markers[k];
+    EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.3) << k;
+  }
+}
+
 TEST(WandDetector, HalfCoveredSphereIsReportedAndNotGuessed) {
   RenderedWand scene;
   const FrameGroundTruth ground_truth = scene.Render(Standing());

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/blobs/contrast_masker.h"
+
+#include <algorithm>
+#include <cstddef>
+
+#include "agent/detect/blobs/contrast_rows.h"
+#include "agent/detect/blobs/value_rows.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kAroundBlocks = 8;  // of SumsOf17, on each side: a sphere of up to 10 px is less than its half
+constexpr int kMoreGrey = 8;      // than the mean; a block has 1 to 2 grey levels of noise
+constexpr int kPixelsOfBlock = 4;
+
+// Each bit of the lower half twice.
+uint64_t Doubled(uint64_t bits) {
+  bits &= 0xffffffff;
+  bits = (bits | bits << 16) & 0x0000ffff0000ffff;
+  bits = (bits | bits << 8) & 0x00ff00ff00ff00ff;
+  bits = (bits | bits << 4) & 0x0f0f0f0f0f0f0f0f;
+  bits = (bits | bits << 2) & 0x3333333333333333;
+  bits = (bits | bits << 1) & 0x5555555555555555;
+  return bits | bits << 1;
+}
+
+}  // namespace
+
+void ContrastMasker::ReadBlocks(const ImageView& image, const PixelRect& part) {
+  const int bytes = BytesPerPixel(image.format);
+  const auto pixels = static_cast<size_t>(2 * width_);
+  upper_.resize(pixels);
+  lower_.resize(pixels);
+  blocks_.resize(static_cast<size_t>(width_) * static_cast<size_t>(height_));
+  const auto read = [&](int y, std::vector<int16_t>* row) {
+    const uint8_t* const from = image.Row(y) + part.x * bytes;
+    if (bytes == 1) {
+      Widened(from, pixels, row->data());
+    } else {
+      ChannelDifference(from, strongest_, weakest_, pixels, row->data());
+    }
+  };
+  for (int row = 0; row < height_; ++row) {
+    read(part.y + 2 * row, &upper_);
+    read(part.y + 2 * row + 1, &lower_);
+    BlockSums(upper_.data(), lower_.data(), static_cast<size_t>(width_),
+              blocks_.data() + static_cast<ptrdiff_t>(row) * width_);
+  }
+}
+
+void ContrastMasker::MarkRow(int row, int x, int y) {
+  const auto width = static_cast<size_t>(width_);
+  SumsOf17(columns_.data(), width, sums_.data());
+  const int rows =
+      std::min(row + kAroundBlocks, height_ - 1) - std::max(row - kAroundBlocks, 0) + 1;
+  MoreThanMean(blocks_.data() + static_cast<ptrdiff_t>(row) * width_, sums_.data(), counts_.data(),
+               rows, kPixelsOfBlock * kMoreGrey, width, marked_.data());
+  BitsAtLeast(marked_.data(), width, 1, words_.data());
+  const int first = x / kMaskWordBits, last = (x + 2 * width_ - 1) / kMaskWordBits;
+  for (const int at : {y, y + 1}) {
+    uint64_t* const to = mask_.MutableRow(at);
+    for (int i = first; i <= last; ++i) {
+      const int half = i - first;
+      to[i] = Doubled(words_[static_cast<size_t>(half / 2)] >> (half % 2 == 0 ? 0 : 32));
+    }
+  }
+}
+
+const PixelMask& ContrastMasker::Mask(const ImageView& image, const PixelRect& part) {
+  if (mask_.width() != image.width || mask_.height() != image.height) {
+    mask_ = PixelMask(image.width, image.height);
+  }
+  PixelRect whole = part;
+  whole.x -= part.x % kMaskWordBits;
+  whole.width += part.x % kMaskWordBits;
+  width_ = whole.width / 2;
+  height_ = whole.height / 2;
+  for (int y = part.y; y < part.y + part.height; ++y) {
+    std::fill_n(mask_.MutableRow(y), mask_.words_per_row(), uint64_t{0});
+  }
+  if (width_ < 1 || height_ < 1) return mask_;
+  ReadBlocks(image, whole);
+  const auto width = static_cast<size_t>(width_);
+  columns_.assign(width + 2 * kAroundBlocks, 0);
+  sums_.resize(width + 2 * kAroundBlocks);
+  marked_.resize(width);
+  words_.assign(width / kMaskWordBits + 1, 0);
+  counts_.resize(width);
+  for (int i = 0; i < width_; ++i) {
+    counts_[static_cast<size_t>(i)] =
+        std::min(i + kAroundBlocks, width_ - 1) - std::max(i - kAroundBlocks, 0) + 1;
+  }
+  const auto row_at = [&](int row) {
+    return blocks_.data() + static_cast<ptrdiff_t>(row) * width_;
+  };
+  int32_t* const columns = columns_.data() + kAroundBlocks;
+  for (int row = -kAroundBlocks; row < height_; ++row) {
+    if (row + kAroundBlocks < height_) AddRow(row_at(row + kAroundBlocks), width, columns);
+    if (row - kAroundBlocks > 0) SubtractRow(row_at(row - kAroundBlocks - 1), width, columns);
+    if (row >= 0) MarkRow(row, whole.x, whole.y + 2 * row);
+  }
+  return mask_;
+}
+
+}  // namespace rigcal::agent

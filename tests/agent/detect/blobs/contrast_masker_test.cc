@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/blobs/contrast_masker.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <random>
+#include <utility>
+#include <vector>
+
+namespace rigcal::agent::contrast_masker_test {
+namespace {
+
+using Bgr = std::array<int, 3>;
+
+struct Picture {
+  Picture(int columns, int rows, PixelFormat its_format)
+      : width(columns),
+        height(rows),
+        format(its_format),
+        bytes(static_cast<size_t>(columns * rows * BytesPerPixel(its_format))) {}
+
+  uint8_t* Pixel(int x, int y) {
+    return bytes.data() + static_cast<ptrdiff_t>(y * width + x) * BytesPerPixel(format);
+  }
+  ImageView View() const {
+    return {bytes.data(), width, height, ptrdiff_t{width} * BytesPerPixel(format), format};
+  }
+
+  int width, height;
+  PixelFormat format;
+  std::vector<uint8_t> bytes;
+};
+
+// Red less blue, or brightness, summed over 2 x 2 pixels.
+int BlockOf(Picture* picture, int x, int y) {
+  int sum = 0;
+  for (int v = 0; v < 2; ++v) {
+    for (int u = 0; u < 2; ++u) {
+      const uint8_t* const pixel = picture->Pixel(x + u, y + v);
+      sum += picture->format == PixelFormat::kBgr8 ? pixel[2] - pixel[0] : pixel[0];
+    }
+  }
+  return sum;
+}
+
+// Whether a block of the part is marked, by the definition.
+bool IsMarked(Picture* picture, const PixelRect& part, int column, int row) {
+  int64_t sum = 0, count = 0;
+  for (int v = std::max(0, row - 8); v <= std::min(part.height / 2 - 1, row + 8); ++v) {
+    for (int u = std::max(0, column - 8); u <= std::min(part.width / 2 - 1, column + 8); ++u) {
+      sum += BlockOf(picture, part.x + 2 * u, part.y + 2 * v);
+      ++count;
+    }
+  }
+  return (BlockOf(picture, part.x + 2 * column, part.y + 2 * row) - 32) * count > sum;
+}
+
+TEST(ContrastMasker, IsWhatItsDefinitionSays) {
+  std::mt19937 random(1);
+  ContrastMasker masker(2, 0);
+  const std::vector<std::pair<PixelRect, PixelRect>> cases = {
+      // An image's size, and a part of it from a whole word on.
+      {{0, 0, 140, 40}, {0, 0, 140, 40}},
+      {{0, 0, 97, 31}, {0, 0, 97, 31}},
+      {{0, 0, 200, 50}, {64, 7, 101, 30}},
+      {{0, 0, 33, 2}, {0, 0, 33, 2}},
+      {{0, 0, 70, 5}, {64, 0, 6, 5}}};
+  for (const auto& [size, part] : cases) {
+    for (const PixelFormat format : {PixelFormat::kBgr8, PixelFormat::kMono8}) {
+      Picture picture(size.width, size.height, format);
+      for (uint8_t& byte : picture.bytes) byte = static_cast<uint8_t>(random());
+      const PixelMask& mask = masker.Mask(picture.View(), part);
+      int marked = 0;
+      for (int row = 0; row < part.height / 2; ++row) {
+        for (int column = 0; column < part.width / 2; ++column) {
+          const bool expected = IsMarked(&picture, part, column, row);
+          marked += expected ? 1 : 0;
+          for (int k = 0; k < 4; ++k) {
+            const int x = part.x + 2 * column + k % 2, y = part.y + 2 * row + k / 2;
+            ASSERT_EQ(mask.Get(x, y), expected) << x << " " << y;
+          }
+        }
+      }
+      EXPECT_GT(marked, 0);
+    }
+  }
+}
+
+// What has been marked in another picture, or in another part, is gone.
+TEST(ContrastMasker, ForgetsTheLastPicture) {
+  ContrastMasker masker(2, 0);
+  Picture picture(192, 20, PixelFormat::kBgr8);
+  for (int x = 60; x < 66; ++x) picture.Pixel(x, 10)[2] = 255;
+  EXPECT_GT(masker.Mask(picture.View(), picture.View().Bounds()).CountPixels(), 0);
+  picture.bytes.assign(picture.bytes.size(), 0);
+  EXPECT_EQ(masker.Mask(picture.View(), {64, 0, 100, 20}).CountPixels(), 0);
+  EXPECT_EQ(masker.Mask(picture.View(), picture.View().Bounds()).CountPixels(), 0);
+  EXPECT_EQ(masker.Mask(picture.View(), {0, 0, 1, 1}).CountPixels(), 0);
+}
+
+// A sphere's light adds to a wall of whatever colour; a white thing adds none of that colour.
+TEST(ContrastMasker, MarksWhatAddsItsColour) {
+  ContrastMasker masker(2, 0);
+  const auto share_marked = [&](const Bgr& wall, const Bgr& added) {
+    Picture picture(160, 120, PixelFormat::kBgr8);
+    for (int y = 0; y < 120; ++y) {
+      for (int x = 0; x < 160; ++x) {
+        const bool inside = std::hypot(x - 80, y - 60) < 8;
+        for (size_t k = 0; k < 3; ++k) {
+          picture.Pixel(x, y)[k] = static_cast<uint8_t>(wall[k] + (inside ? added[k] : 0));
+        }
+      }
+    }
+    const PixelMask& mask = masker.Mask(picture.View(), picture.View().Bounds());
+    int outside = 0, inside = 0;
+    for (int y = 0; y < 120; ++y) {
+      for (int x = 0; x < 160; ++x) {
+        if (!mask.Get(x, y)) continue;
+        (std::hypot(x - 80, y - 60) < 9 ? inside : outside) += 1;
+      }
+    }
+    EXPECT_EQ(outside, 0);
+    return inside / 201.0;
+  };
+  for (const Bgr& wall : {Bgr{10, 10, 10}, Bgr{120, 125, 130}, Bgr{60, 100, 140}}) {
+    EXPECT_NEAR(share_marked(wall, {3, 9, 18}), 1, 0.15);
+    EXPECT_EQ(share_marked(wall, {60, 60, 60}), 0);
+    EXPECT_EQ(share_marked(wall, {18, 9, 3}), 0);
+  }
+}
+
+}  // namespace
+}  // namespace rigcal::agent::contrast_masker_test

@@ -47,7 +47,8 @@ void Count(int x, int y, ComponentSums* sums) {
 }  // namespace
 
 std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vector2d& centre_px,
-                                      double radius_px, const Eigen::Vector3f& core, double* work) {
+                                      double radius_px, const Eigen::Vector3f& core, bool has_stick,
+                                      double* work) {
   const double from = radius_px + kGapPx + kGapRadii * radius_px;
   const double to = from + std::max(kLeastRingPx, kRingRadii * radius_px);
   const int step = std::clamp(static_cast<int>(radius_px / kFinePartPx), 1, 4);
@@ -149,7 +150,7 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
   }
   part.around = static_cast<double>(around) / ring;
   // The rim of something brighter has the others' colour by chance, but only a pixel wide.
-  if (brighter > 0 && solid < least_solid) return std::nullopt;
+  if (brighter > 0 && solid < least_solid && !has_stick) return std::nullopt;
   if (part.around > kMostAround) return std::nullopt;
   part.cost = Squared(part.around / kAroundSigma) +
               kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);

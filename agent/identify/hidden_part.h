@@ -14,15 +14,18 @@ struct HiddenPart {
   double share = 0;   // of the marker's disc that looks like the others
   double around = 0;  // the same of a ring around it
   double cost = 0;
+  double size_cost = 0;  // within it, by the sizes of the others (FindPartialWands)
   bool is_sliver = false;
   Blob blob;
 };
 
 // What is seen of a marker that must be at `centre_px` with `radius_px` and looks like `core` (by
-// channel). None where nothing of that look is there, or more than a marker of it. `work`: pixels
-// that may be read, less those that were.
+// channel). None where nothing of that look is there, or more than a marker of it. `has_stick`,
+// between the others: then it may be as thin as the rim of something brighter. `work`: pixels that
+// may be read, less those that were.
 std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vector2d& centre_px,
-                                      double radius_px, const Eigen::Vector3f& core, double* work);
+                                      double radius_px, const Eigen::Vector3f& core, bool has_stick,
+                                      double* work);
 
 // The same of a sliver, a pixel or two wide, so that each of its pixels is a mixture with what is
 // around. None where nothing is mixed with the others' colour, or everything around differs as

@@ -31,7 +31,7 @@ constexpr double kCommonRadiusPx = 0.8;                  // of both, by blur and
 constexpr double kStepRadii = 0.25;  // along the line, between places that are looked at
 constexpr int kSteps = 48;           // of the ratio of their depths
 constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
-constexpr double kLeastConfidence = 0.65, kTriedOdds = 0.5, kFewPlaces = 150;
+constexpr double kLeastConfidence = 0.65, kTriedOdds = 0.85, kFewPlaces = 150;
 
 MarkerSight SightOf(const Blob& blob, const MarkerSight& ray) {
   MarkerSight sight = ray;
@@ -83,7 +83,7 @@ class PartSearch {
       if (!finder_.ImageOf(place->ray, &place->centre_px)) return;
       ++found_.tried;
       std::optional<HiddenPart> part =
-          LookForPart(image_, place->centre_px, place->radius_px, core, &work_);
+          LookForPart(image_, place->centre_px, place->radius_px, core, pair.has_stick, &work_);
       if (!part) part = KnownAt(place->centre_px, place->radius_px, a, b);
       if (!part && pair_cost < kSliverPairCost) {
         part =
@@ -91,6 +91,7 @@ class PartSearch {
       }
       if (!part && pair.has_stick && layout.hidden == 1) part = CoveredAt(*place, a.blob, b.blob);
       if (!part) return;
+      part->size_cost = place->size_cost;
       part->cost += place->size_cost;
       if (pair.has_stick && layout.hidden != 1) {
         part->cost += kNoStickCost * (1 - StickTo(*place, layout.hidden == 0 ? a.blob : b.blob));
@@ -147,7 +148,9 @@ class PartSearch {
     }
     candidate.cost = candidate.fit.cost + pair_cost + best->cost;
     candidate.partial_cost = best->cost;
+    candidate.partial_size_cost = best->size_cost;
     candidate.partial_share = best->share;
+    candidate.partial_around = best->around;
     candidate.is_sliver = best->is_sliver;
     found_.blobs.push_back(best->blob);
     found_.candidates.push_back(candidate);

@@ -10,6 +10,7 @@ namespace {
 constexpr double kBrightnessSigma = 0.2, kDarkBrightnessSigma = 0.4;  // of its logarithm
 constexpr double kColourSigma = 0.12;                                 // rad
 constexpr double kSkewness = 0.012;
+constexpr double kTiltCost = 4;                      // of the logarithm of its cosine
 constexpr double kSamePlace = 0.8, kSamePart = 1.3;  // of a radius
 
 }  // namespace
@@ -50,6 +51,10 @@ double Unlikeness(const VerifiedWand& wand, bool in_room) {
     cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / std::pow(kColourSigma, 2);
   }
   return cost;
+}
+
+double TiltCost(double tilt_rad) {
+  return -kTiltCost * std::log(std::max(0.01, std::cos(tilt_rad)));
 }
 
 double ColourDifference(const VerifiedWand& wand) {
@@ -102,6 +107,24 @@ bool SameWholeBlobs(const VerifiedWand& a, const VerifiedWand& b) {
   std::sort(of_a.begin(), of_a.end());
   std::sort(of_b.begin(), of_b.end());
   return of_a.size() < a.blobs.size() && of_a == of_b;
+}
+
+bool IsPartOf(const VerifiedWand& part, const VerifiedWand& wand) {
+  if (part.OccludedCount() == 0 || part.blobs.size() != wand.blobs.size() ||
+      SameWholeBlobs(part, wand)) {
+    return false;
+  }
+  for (size_t k = 0; k < part.blobs.size(); ++k) {
+    if (!part.whole[k]) continue;
+    bool is_there = false;
+    for (size_t m = 0; m < wand.blobs.size(); ++m) {
+      const MarkerCentre& centre = wand.centres[m];
+      const double reach_px = (wand.whole[m] ? kSamePlace : kSamePart) * centre.radius_px;
+      is_there |= (part.centres[k].centre_px - centre.centre_px).norm() < reach_px;
+    }
+    if (!is_there) return false;
+  }
+  return true;
 }
 
 double MeanBrightness(const VerifiedWand& wand) {

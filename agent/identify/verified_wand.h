@@ -34,6 +34,8 @@ double Lopsidedness(const VerifiedWand& wand);
 // How unlike the markers that were measured are in brightness and colour, as a chi-squared. LEDs
 // differ in brightness; in a lit room (`in_room`) other things differ more.
 double Unlikeness(const VerifiedWand& wand, bool in_room);
+// Of all directions few are nearly along the line of sight.
+double TiltCost(double tilt_rad);
 // The largest between two markers that were measured, in rad.
 double ColourDifference(const VerifiedWand& wand);
 double MeanBrightness(const VerifiedWand& wand);  // grey levels, over all channels
@@ -45,6 +47,9 @@ bool Disjoint(const VerifiedWand& a, const VerifiedWand& b);
 bool SamePlaces(const VerifiedWand& a, const VerifiedWand& b);
 // The same markers are seen whole, of another part of the hidden one.
 bool SameWholes(const VerifiedWand& a, const VerifiedWand& b);
+// What `part` takes for whole markers are markers of `wand`, not the same that are whole there: the
+// wand explains them, and another one besides.
+bool IsPartOf(const VerifiedWand& part, const VerifiedWand& wand);
 // The same blobs are seen whole, as whichever markers, and another one is hidden.
 bool SameWholeBlobs(const VerifiedWand& a, const VerifiedWand& b);
 

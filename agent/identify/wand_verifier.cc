@@ -9,6 +9,7 @@
 #include "agent/detect/blobs/blob_contrast.h"
 #include "agent/identify/outlined_centres.h"
 #include "agent/identify/overlapping_markers.h"
+#include "agent/identify/partial_evidence.h"
 #include "agent/identify/partial_wands.h"
 #include "agent/identify/squared.h"
 
@@ -23,19 +24,15 @@ constexpr double kCostScale = 2.5;
 constexpr double kTriedCost = 1.15, kFewTried = 20;
 constexpr double kResolvedPx = 5.5, kUnresolvedCost = 2.7;  // per pixel of the radius
 constexpr double kWhiteCost = 6, kWhiteGrey = 240;
-constexpr double kTiltCost = 4;      // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kTooAlike = 0.5;    // for its outline to be seen
 constexpr double kMostHidden = 0.2;  // of a marker, by others of the wand
 constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
                  kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5;
 constexpr double kSeenStickGain = 2;
-// Of two things and a part: how much more often they are a wand than their cost says, where a stick
-// is seen between them, less so between small things, or a sliver is a mixture of their colour and
-// what is around.
-constexpr double kStickEvidence = 2.5, kSmallStick = 0.4, kSliverEvidence = 3.5;
 constexpr double kMargin = 8;  // in cost, of a wand against the next best
-constexpr double kFlippedMargin = 5.5;
+// The same two spheres the other way round are hardly ever nearer than that, and never better.
+constexpr double kFlippedMargin = 2.2;
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
 constexpr double kKnownPlace = 0.5;                 // of a radius
@@ -174,8 +171,8 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
   // Of all directions few are nearly along the line of sight.
-  wand.cost = wand.fit.cost + Unlikeness(wand, in_room_) + Lopsidedness(wand) -
-              kTiltCost * std::log(std::max(0.01, std::cos(wand.fit.tilt_rad)));
+  wand.cost =
+      wand.fit.cost + Unlikeness(wand, in_room_) + Lopsidedness(wand) + TiltCost(wand.fit.tilt_rad);
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (static_cast<int>(k) == candidate.partial) {
       wand.cost += kPartialCost + candidate.partial_cost;
@@ -197,10 +194,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand, in_room_) +
                  Squared(ColourDifference(wand) / kPartialColourSigma) -
                  (1 - kPartialChance) * chance_cost_;
-    if (candidate.has_stick && candidate.partial_share > 0) {
-      wand.evidence += std::max(0.0, kStickEvidence - kSmallStick * UnresolvedCost(wand));
-    }
-    if (candidate.is_sliver) wand.evidence += kSliverEvidence;
+    wand.evidence = PartialEvidence(candidate, wand, UnresolvedCost(wand), in_room_);
   }
   wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
   return wand;
@@ -268,7 +262,7 @@ Verdict WandVerifier::Choose() {
   for (size_t i = 1; i < evaluated_.size(); ++i) {
     const VerifiedWand &now = evaluated_[best], &other = evaluated_[i];
     if (other.confidence < min_confidence_ || SameBlobs(now.blobs, other.blobs)) continue;
-    if (SameWholes(now, other) || SamePlaces(now, other)) continue;
+    if (SameWholes(now, other) || SamePlaces(now, other) || IsPartOf(other, now)) continue;
     if (Disjoint(now, other)) {
       const double ratio = MeanBrightness(other) / MeanBrightness(now);
       if (ratio > kBrighter) best = i;
@@ -284,7 +278,9 @@ Verdict WandVerifier::Choose() {
   if (wand.confidence < min_confidence_) return Verdict();
   if (verdict.ambiguous) return verdict;
   for (const VerifiedWand& other : evaluated_) {
-    if (&other == &wand || !SameBlobs(wand.blobs, other.blobs)) continue;
+    const bool is_flipped = other.confidence >= min_confidence_ && SameWholeBlobs(wand, other) &&
+                            !SameWholes(wand, other);
+    if (&other == &wand || !(is_flipped || SameBlobs(wand.blobs, other.blobs))) continue;
     const double certainty = 1 / (1 + std::exp(0.5 * (wand.cost - other.cost)));
     wand.label_confidence = std::min(wand.label_confidence, certainty);
   }

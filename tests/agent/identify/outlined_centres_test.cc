@@ -34,6 +34,17 @@ OutlinePixels Disc(const Eigen::Vector2d& centre, double from_x, uint32_t seed) 
   return pixels;
 }
 
+// Moves the edge of a disc in and out around it.
+void AddWaves(double waves, double centre_x, OutlinePixels* pixels) {
+  for (size_t i = 0; i < pixels->size(); ++i) {
+    const double x = static_cast<double>(pixels->x[i]) - centre_x;
+    const double y = static_cast<double>(pixels->y[i]) - 50.3;
+    const double inside_px = kRadius - std::hypot(x, y);
+    const double edge = std::exp(-0.5 * inside_px * inside_px / 0.49) / 1.75;
+    pixels->coverage[i] += static_cast<float>(waves * edge * std::cos(7 * std::atan2(y, x)));
+  }
+}
+
 // A wand of three equal spheres, all of them whole by their centroids.
 class ThreeSpheres {
  public:
@@ -93,21 +104,36 @@ TEST(SetOutlinedCentres, ASphereThatIsPartlyHiddenIsTakenFromItsArc) {
 // Of an arc little is known: what its edge is off its ellipse counts in full.
 TEST(SetOutlinedCentres, AnArcThatIsNotOnAnEllipseHasALargerCovariance) {
   ThreeSpheres even(-4.8), uneven(-4.8);
-  OutlinePixels& pixels = uneven.pixels_[2];
-  for (size_t i = 0; i < pixels.size(); ++i) {
-    const double x = static_cast<double>(pixels.x[i]) - 160;
-    const double y = static_cast<double>(pixels.y[i]) - 50.3;
-    const double inside_px = kRadius - std::hypot(x, y);
-    const double edge = std::exp(-0.5 * inside_px * inside_px / 0.49) / 1.75;
-    pixels.coverage[i] += static_cast<float>(0.08 * edge * std::cos(7 * std::atan2(y, x)));
-  }
-  ASSERT_TRUE(uneven.fitter_.Fit(pixels, 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
+  AddWaves(0.08, 160, &uneven.pixels_[2]);
+  ASSERT_TRUE(uneven.fitter_.Fit(uneven.pixels_[2],
+                                 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
                                  &uneven.outlines_[2]));
   even.SetCentres();
   uneven.SetCentres();
   ASSERT_EQ(uneven.wand_.OccludedCount(), 0);
   EXPECT_GT(uneven.wand_.centres[2].covariance_px2(0, 0),
             5 * even.wand_.centres[2].covariance_px2(0, 0));
+}
+
+// Few sectors are known of the last sphere, which has a gap. Where another outline is as little on
+// its edge, that is no sign of something that hides it.
+bool IsWholeBeside(double waves) {
+  ThreeSpheres wand(-4.8);
+  OutlinePixels& pixels = wand.pixels_[2];
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    if (pixels.y[i] < 49 && pixels.x[i] > 156) pixels.saturated_behind[i] = 1;
+  }
+  AddWaves(waves, 100, &wand.pixels_[1]);
+  EXPECT_TRUE(wand.fitter_.Fit(wand.pixels_[1],
+                               0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
+                               &wand.outlines_[1]));
+  wand.SetCentres();
+  return wand.wand_.whole[2];
+}
+
+TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItsEdgeIsOnItsOutline) {
+  EXPECT_FALSE(IsWholeBeside(0));
+  EXPECT_TRUE(IsWholeBeside(0.3));
 }
 
 TEST(SetOutlinedCentres, WhatIsBesideASphereWidensItsCovariance) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
@@ -92,7 +93,28 @@ std::optional<HiddenPart> PartBefore(bool is_window) {
   double work = 3000;
   // The place is not known exactly: what is behind is seen past the marker.
   return LookForPart(view, middle_px + Eigen::Vector2d(0.3 * kRadius, 0), kRadius, {40, 110, 200},
-                     &work);
+                     false, &work);
+}
+
+// A crescent of the markers' look, two pixels wide, between a dark bar and something brighter.
+bool SeesCrescent(bool has_stick) {
+  constexpr double kSmall = 6;
+  std::vector<uint8_t> pixels(size_t{3} * 100 * 100, 12);
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 54; x < 100; ++x) {
+      uint8_t* const pixel = &pixels[3 * (static_cast<size_t>(y) * 100 + static_cast<size_t>(x))];
+      std::fill_n(pixel, 3, 250);
+      if (std::hypot(x - 50, y - 50) < kSmall) pixel[0] = 40, pixel[1] = 110, pixel[2] = 200;
+    }
+  }
+  const ImageView view{pixels.data(), 100, 100, 300, PixelFormat::kBgr8};
+  double work = 3000;
+  return LookForPart(view, {50, 50}, kSmall, {40, 110, 200}, has_stick, &work).has_value();
+}
+
+TEST(LookForPart, BesideAStickItMayBeAsThinAsARim) {
+  EXPECT_FALSE(SeesCrescent(false));
+  EXPECT_TRUE(SeesCrescent(true));
 }
 
 TEST(LookForPart, WhatIsBrightAllAroundIsSeenPastTheMarker) {
@@ -115,6 +137,29 @@ TEST(LookForSliver, BesideAStickLessIsEnough) {
       EXPECT_TRUE(part->is_sliver);
     }
   }
+}
+
+VerifiedWand WandAt(const std::array<double, 3>& places_px, int hidden) {
+  VerifiedWand wand;
+  for (const double x_px : places_px) {
+    MarkerCentre centre;
+    centre.centre_px = {x_px, 0};
+    centre.radius_px = kRadius;
+    wand.centres.push_back(centre);
+    wand.blobs.push_back(static_cast<int>(x_px));
+    wand.whole.push_back(static_cast<int>(wand.whole.size()) != hidden);
+  }
+  return wand;
+}
+
+// A wand of two spheres of another one, and what is beside them.
+TEST(IsPartOf, ItsSpheresAreAnothersOfWhichOneMoreIsSeen) {
+  const VerifiedWand wand = WandAt({100, 165, 295}, 1);
+  EXPECT_TRUE(IsPartOf(WandAt({100, 170, 200}, 2), wand));   // the part is taken for a marker
+  EXPECT_FALSE(IsPartOf(WandAt({100, 120, 295}, 1), wand));  // the same two
+  EXPECT_FALSE(IsPartOf(WandAt({100, 295, 600}, 2), wand));  // as other markers
+  EXPECT_FALSE(IsPartOf(WandAt({100, 400, 500}, 2), wand));  // another thing
+  EXPECT_FALSE(IsPartOf(WandAt({100, 165, 295}, -1), wand));
 }
 
 TEST(SamePlaces, APartIsSomewhereWithinItsMarker) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wands of which a sphere is not seen as a whole.
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -19,8 +20,9 @@ FrameRenderOptions RoomWithStick() {
   return options;
 }
 
-std::optional<Observation> Detected(const RenderedWand& scene) {
-  auto detector = WandDetector::Create({}, scene.target, scene.camera);
+std::optional<Observation> Detected(const RenderedWand& scene,
+                                    const WandDetectorOptions& options = {}) {
+  auto detector = WandDetector::Create(options, scene.target, scene.camera);
   EXPECT_TRUE(detector.ok()) << detector.status();
   auto detection = detector->Detect(scene.View(), 1, 0);
   EXPECT_TRUE(detection.ok()) << detection.status();
@@ -86,6 +88,53 @@ TEST(PartialWand, TwoSpheresWithoutAStickAreNone) {
   scene.Fill(static_cast<int>(covered.x()) - 12, static_cast<int>(covered.y()) - 20, 24, 40, 60, 40,
              30);
   EXPECT_FALSE(Detected(scene));
+}
+
+// Of wands with a part of the third sphere whose others have less and less the same colour, the
+// least confidence of those that were found. `bars`: of the wand's colour, elsewhere.
+double LeastConfidence(int bars) {
+  FrameRenderOptions room = RoomWithStick();
+  room.rod_m = 0;
+  RenderedWand scene(room);
+  WandDetectorOptions options;
+  options.min_confidence = 0.3;
+  auto detector = WandDetector::Create(options, scene.target, scene.camera);
+  EXPECT_TRUE(detector.ok()) << detector.status();
+  double least = 1;
+  for (double green = 1; green > 0.5; green -= 0.02) {
+    const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.2, 0.3, 1.8}, {1, 0, 0.1}));
+    const Eigen::Vector2d hidden = truth.markers[2].centre_px;
+    scene.Fill(static_cast<int>(hidden.x()) - 3, static_cast<int>(hidden.y()) - 12, 24, 24, 30, 30,
+               30);
+    for (int i = 0; i < bars; ++i) scene.Fill(40 + 35 * i, 60, 4, 40, 40, 110, 190);
+    scene.Dim(truth.markers[1].centre_px, 12, {1, green, 1});
+    const auto detection = detector->Detect(scene.View(), 1, 0);
+    EXPECT_TRUE(detection.ok()) << detection.status();
+    if (detection->outcome == DetectionOutcome::kWand) {
+      least = std::min(least, detection->confidence);
+    }
+  }
+  return least;
+}
+
+// Where there is more than a wand, two things and a part of a third fit by chance.
+TEST(PartialWand, TheMorePlacesWereTriedTheSurerItMustBe) {
+  EXPECT_LT(LeastConfidence(0), 0.6);
+  const double least = LeastConfidence(14);
+  EXPECT_GT(least, 0.65);
+  EXPECT_LT(least, 1);
+}
+
+// Its brightness is not the wand's, but its colour and its outline are.
+TEST(PartialWand, ASphereThatIsTooDarkToBeLookedForIsFoundByTheOthers) {
+  RenderedWand scene;
+  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.3, 0.1, 2.2}, {1, 0.2, 0.3}));
+  scene.Dim(truth.markers[2].centre_px, 14, {0.7, 0.7, 0.7});
+  WandDetectorOptions options;
+  options.colour.value_min = 140;
+  const auto seen = Detected(scene, options);
+  ASSERT_TRUE(seen);
+  for (size_t k = 0; k < 3; ++k) ExpectAt(seen->markers[k], truth.markers[k], 0.2);
 }
 
 }  // namespace

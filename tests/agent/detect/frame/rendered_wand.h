@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -72,11 +75,26 @@ class RenderedWand {
     }
   }
 
+  // The channels of a square around a pixel.
+  void Dim(const Eigen::Vector2d& around, int half, const std::array<double, 3>& bgr_factor) {
+    for (int y = -half; y <= half; ++y) {
+      for (int x = -half; x <= half; ++x) {
+        uint8_t* const pixel = At(around, x, y);
+        for (size_t c = 0; c < 3; ++c) pixel[c] = static_cast<uint8_t>(bgr_factor[c] * pixel[c]);
+      }
+    }
+  }
+
   CameraDescription camera;
   Target target;
   std::vector<uint8_t> pixels;
 
  private:
+  uint8_t* At(const Eigen::Vector2d& centre, int x, int y) {
+    const auto column = static_cast<size_t>(std::lround(centre.x()) + x);
+    return &pixels[3 * (static_cast<size_t>(std::lround(centre.y()) + y) * 640 + column)];
+  }
+
   std::unique_ptr<SceneRenderer> renderer_;
 };
 

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/partial_evidence.h"
+
+#include "agent/identify/squared.h"
+
+namespace rigcal::agent {
+namespace {
+
+// Of what the cost says of the pose: the place of a part is vague.
+constexpr double kPoseEvidence = 0.7;
+constexpr double kStickEvidence = 6;   // that is seen between the others
+constexpr double kSliverEvidence = 8;  // that is a mixture of their colour and what is around
+constexpr double kDarkEvidence = -1, kRoomEvidence = 1;  // without what follows
+constexpr double kLikeColour = 0.03;    // one sigma of the difference of spheres, in rad
+constexpr double kAroundEvidence = 50;  // per share of the ring around the part that looks like it
+constexpr double kUnresolvedEvidence = 0.6;
+
+}  // namespace
+
+double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand, double unresolved,
+                       bool in_room) {
+  double evidence =
+      kPoseEvidence * (wand.fit.cost + TiltCost(wand.fit.tilt_rad) + candidate.partial_size_cost);
+  if (candidate.has_stick) evidence += kStickEvidence;
+  if (candidate.is_sliver) evidence += kSliverEvidence;
+  if (!in_room) return evidence + kDarkEvidence;
+  return evidence + kRoomEvidence - Squared(ColourDifference(wand) / kLikeColour) -
+         kAroundEvidence * candidate.partial_around - kUnresolvedEvidence * unresolved;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "agent/identify/verified_wand.h"
+#include "agent/identify/wand_finder.h"
+
+namespace rigcal::agent {
+
+// How much more (or less) often two things and a part of a third are a wand than the cost says that
+// chooses among them, as a chi-squared: by logistic regression on pictures of both simulations,
+// with a wand and without. `unresolved`: the cost of two spheres that look like any two small
+// things. `in_room`: of a lit room, in which there are such things.
+double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand, double unresolved,
+                       bool in_room);
+
+}  // namespace rigcal::agent

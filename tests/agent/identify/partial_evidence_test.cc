@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/partial_evidence.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace rigcal::agent::partial_evidence_test {
+namespace {
+
+// Two markers whose colours are `away_rad` apart, and one that is hidden.
+VerifiedWand Wand(double away_rad) {
+  VerifiedWand wand;
+  for (const double turn : {0.0, away_rad}) {
+    MarkerCentre centre;
+    centre.contrast_grey = 200;
+    centre.plateau_grey = 200 * Eigen::Vector3d(std::cos(turn), std::sin(turn), 0);
+    wand.centres.push_back(centre);
+  }
+  wand.centres.emplace_back();
+  return wand;
+}
+
+double Evidence(const WandCandidate& candidate, double away_rad = 0.02, double unresolved = 0,
+                bool in_room = true) {
+  return PartialEvidence(candidate, Wand(away_rad), unresolved, in_room);
+}
+
+TEST(PartialEvidence, AStickAndASliverAreMore) {
+  WandCandidate part, stick, sliver;
+  stick.has_stick = true;
+  sliver.is_sliver = true;
+  EXPECT_GT(Evidence(stick), Evidence(part) + 3);
+  EXPECT_GT(Evidence(sliver), Evidence(part) + 3);
+}
+
+TEST(PartialEvidence, WhatIsNotAlikeOrGoesOnIsLessInALitRoom) {
+  WandCandidate part, goes_on;
+  goes_on.partial_around = 0.1;
+  EXPECT_LT(Evidence(part, 0.08), Evidence(part) - 5);
+  EXPECT_LT(Evidence(goes_on), Evidence(part) - 3);
+  EXPECT_LT(Evidence(part, 0.02, 4), Evidence(part) - 2);
+  EXPECT_DOUBLE_EQ(Evidence(goes_on, 0.08, 4, false), Evidence(part, 0, 0, false));
+}
+
+// It costs that already, but says little: the place of a part is vague.
+TEST(PartialEvidence, PoseAndSizesCountLess) {
+  WandCandidate part, sizes;
+  sizes.partial_size_cost = 4;
+  EXPECT_NEAR(Evidence(sizes), Evidence(part) + 0.7 * 4, 1e-9);
+  VerifiedWand tilted = Wand(0.02);
+  tilted.fit.cost = 2;
+  tilted.fit.tilt_rad = 1;
+  EXPECT_NEAR(PartialEvidence(part, tilted, 0, true), Evidence(part) + 0.7 * (2 + TiltCost(1)),
+              1e-9);
+}
+
+}  // namespace
+}  // namespace rigcal::agent::partial_evidence_test

@@ -13,6 +13,8 @@ namespace {
 
 constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
 constexpr double kMostOffOutline = 0.15;
+// Where hardly any is elsewhere the others may be like what is behind them.
+constexpr double kLeastOnClearOutline = 0.55, kMostOffClearOutline = 0.03;
 constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
 constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
 constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
@@ -27,7 +29,10 @@ constexpr double kWorkOfFit = 500;  // in the pixels that a measurement reads
 }  // namespace
 
 bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut) {
-  return outline && outline->on_outline >= (is_cut ? kLeastOfCutOutline : kLeastOnOutline) &&
+  if (!outline) return false;
+  const double least =
+      outline->off_outline <= kMostOffClearOutline ? kLeastOnClearOutline : kLeastOnOutline;
+  return outline->on_outline >= (is_cut ? kLeastOfCutOutline : least) &&
          outline->off_outline <= (is_cut ? kMostOffCutOutline : kMostOffOutline) &&
          outline->stretch.norm() <= kMostStretch + kMostStretchPx / outline->radius_px;
 }

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/identify/partial_evidence.h"
 
+#include <algorithm>
+
 #include "agent/identify/squared.h"
 
 namespace rigcal::agent {
 namespace {
 
 // Of what the cost says of the pose: the place of a part is vague.
-constexpr double kPoseEvidence = 0.7;
+constexpr double kPoseEvidence = 0.7, kMostPoseEvidence = 6;
 constexpr double kStickEvidence = 6;   // that is seen between the others
 constexpr double kSliverEvidence = 8;  // that is a mixture of their colour and what is around
 constexpr double kDarkEvidence = -1, kRoomEvidence = 1;  // without what follows
@@ -19,8 +21,9 @@ constexpr double kUnresolvedEvidence = 0.6;
 
 double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand, double unresolved,
                        bool in_room) {
-  double evidence =
-      kPoseEvidence * (wand.fit.cost + TiltCost(wand.fit.tilt_rad) + candidate.partial_size_cost);
+  const double pose_cost =
+      wand.fit.cost + TiltCost(wand.fit.tilt_rad) + candidate.partial_size_cost;
+  double evidence = std::min(kMostPoseEvidence, kPoseEvidence * pose_cost);
   if (candidate.has_stick) evidence += kStickEvidence;
   if (candidate.is_sliver) evidence += kSliverEvidence;
   if (!in_room) return evidence + kDarkEvidence;

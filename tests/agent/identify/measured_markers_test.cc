@@ -9,6 +9,17 @@
 namespace rigcal::agent::measured_markers_test {
 namespace {
 
+TEST(IsOnOutline, LessOfTheEdgeIsEnoughWhereNoneIsElsewhere) {
+  SphereOutline outline;
+  outline.radius_px = 8;
+  outline.on_outline = 9.0 / 16;
+  EXPECT_TRUE(IsOnOutline(outline));
+  outline.off_outline = 1.0 / 16;
+  EXPECT_FALSE(IsOnOutline(outline));
+  outline.on_outline = 10.0 / 16;
+  EXPECT_TRUE(IsOnOutline(outline));
+}
+
 // A sphere in front of something grey that ends 2.5 px beside it, where it is dark.
 TEST(MeasuredMarkers, FitsAgainstWhatIsRightBesideASphere) {
   constexpr int kSize = 64;

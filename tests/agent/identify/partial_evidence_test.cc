@@ -53,6 +53,8 @@ TEST(PartialEvidence, PoseAndSizesCountLess) {
   tilted.fit.tilt_rad = 1;
   EXPECT_NEAR(PartialEvidence(part, tilted, 0, true), Evidence(part) + 0.7 * (2 + TiltCost(1)),
               1e-9);
+  sizes.partial_size_cost = 1000;  // but not at any cost
+  EXPECT_LT(Evidence(sizes), Evidence(part) + 10);
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ namespace {
 constexpr double kPoseEvidence = 0.7, kMostPoseEvidence = 6;
 constexpr double kStickEvidence = 6;   // that is seen between the others
 constexpr double kSliverEvidence = 8;  // that is a mixture of their colour and what is around
-constexpr double kDarkEvidence = -1, kRoomEvidence = 1;  // without what follows
+constexpr double kDarkEvidence = -1, kRoomEvidence = 0.7;  // without what follows
 constexpr double kLikeColour = 0.03;    // one sigma of the difference of spheres, in rad
 constexpr double kAroundEvidence = 50;  // per share of the ring around the part that looks like it
 constexpr double kUnresolvedEvidence = 0.6;

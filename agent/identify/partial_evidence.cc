@@ -23,7 +23,8 @@ double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand,
                        bool in_room) {
   const double pose_cost =
       wand.fit.cost + TiltCost(wand.fit.tilt_rad) + candidate.partial_size_cost;
-  double evidence = std::min(kMostPoseEvidence, kPoseEvidence * pose_cost);
+  double evidence = kPoseEvidence * pose_cost;
+  if (in_room) evidence = std::min(kMostPoseEvidence, evidence);
   if (candidate.has_stick) evidence += kStickEvidence;
   if (candidate.is_sliver) evidence += kSliverEvidence;
   if (!in_room) return evidence + kDarkEvidence;

@@ -10,8 +10,11 @@
 namespace rigcal::agent {
 namespace {
 
-// Without its saturated channels a marker must keep this share of its contrast.
+// A marker's contrast without its saturated channels that is enough to leave them out: this share,
+// or, where what is behind it is even, much less. Little light that is measured says more of the
+// place than much that is clipped.
 constexpr double kLeastUnsaturated = 0.25, kLeastUnsaturatedGrey = 40;
+constexpr double kLeastEvenGrey = 15, kLeastEvenNoises = 8, kLeastEvenSteps = 8;
 constexpr double kModelNoise = 0.015;  // of the outline's model, in units of coverage
 constexpr int kMosaicTries = 3;        // of an image
 constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
@@ -24,17 +27,33 @@ constexpr double kEnoughPixels = 700;
 constexpr double kBesidePx = 1.6, kBesideWidthPx = 1.8, kBesideArcPx = 1.6;
 constexpr double kBesideNoise = 0.03;
 
-// 1 for the channels in which the marker's light is measured, 0 for those that are saturated, where
-// the others stand out enough.
-Eigen::Vector3f ChannelsToUse(const RingBackground& background, const MarkerCentre& centre) {
-  Eigen::Vector3f used = Eigen::Vector3f::Ones(), mean = Eigen::Vector3f::Zero();
+struct UsedChannels {
+  Eigen::Vector3f used = Eigen::Vector3f::Ones();  // 1, or 0 for those that are left out
+  double least_grey = 0;                           // contrast of a channel that tells anything
+  bool clipped = false;                            // saturated ones are among them
+};
+
+// Those in which the marker's light is measured, not the saturated ones, where the others stand out
+// enough.
+UsedChannels ChannelsToUse(const RingBackground& background, const MarkerCentre& centre) {
+  Eigen::Vector3f mean = Eigen::Vector3f::Zero();
   for (const auto& arc : background.arcs()) mean += arc.background;
   mean /= static_cast<float>(background.arcs().size());
   const Eigen::Vector3d range = centre.plateau_grey - mean.cast<double>();
-  for (size_t c = 0; c < 3; ++c) used[static_cast<int>(c)] = centre.saturated[c] ? 0 : 1;
-  const double left = range.cwiseProduct(used.cast<double>()).norm();
-  if (left < std::max(kLeastUnsaturatedGrey, kLeastUnsaturated * range.norm())) used.setOnes();
-  return used;
+  UsedChannels channels;
+  for (size_t c = 0; c < 3; ++c) channels.used[static_cast<int>(c)] = centre.saturated[c] ? 0 : 1;
+  const double left_grey = range.cwiseProduct(channels.used.cast<double>()).norm();
+  const double usual = std::max(kLeastUnsaturatedGrey, kLeastUnsaturated * range.norm());
+  const double even = std::max({kLeastEvenGrey, kLeastEvenNoises * centre.noise_grey,
+                                kLeastEvenSteps * centre.background_steps * range.norm()});
+  channels.least_grey = kLeastChannel * centre.contrast_grey;
+  if (left_grey < std::min(usual, even)) {
+    channels.clipped = channels.used.minCoeff() == 0;
+    channels.used.setOnes();
+  } else if (left_grey < usual) {
+    channels.least_grey = kLeastChannel * left_grey;
+  }
+  return channels;
 }
 
 }  // namespace
@@ -58,10 +77,12 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
   const auto precision = static_cast<float>(1 / std::hypot(noise, how.model_noise));
   const auto single_noise = static_cast<float>(kMosaicNoise * centre.noise_grey);
   const auto model_noise = static_cast<float>(how.model_noise);
-  const auto least = static_cast<float>(kLeastChannel * centre.contrast_grey);
   const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
   // Saturation hides shading, which then moves the edge.
-  const Eigen::Vector3f used = ChannelsToUse(how.background, centre);
+  const UsedChannels channels = ChannelsToUse(how.background, centre);
+  const Eigen::Vector3f& used = channels.used;
+  pixels->clipped = channels.clipped;
+  const auto least = static_cast<float>(channels.least_grey);
   if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
     mosaic_ = FindMosaic(image, how.window.rect);
     ++mosaic_tries_;

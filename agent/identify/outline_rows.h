@@ -44,6 +44,8 @@ struct OutlinePixels {
   // The stick may be here: on the side of the wand's first marker 1, of its last one 2, else 0.
   // Empty: not marked (MarkStick).
   std::vector<uint8_t> stick_side;
+  // The coverage is that of saturated channels: how the light differs inside is not seen.
+  bool clipped = false;
 
   void Clear();
   void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1,

@@ -19,7 +19,10 @@ constexpr double kShadingError = 0.07;
 // The same along the light: of Lambert's law, and of a polynomial in its place.
 constexpr double kWhiteError = 0.02, kNoWhiteError = 0.3, kAcrossWhiteError = 0.01;
 constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
-constexpr double kHiddenError = 1;              // radii, per share of the edge that is elsewhere
+// The same of light that is clipped, whose slope is not seen: where it is brighter, the edge at
+// half of the clipped light is further out.
+constexpr double kClippedError = 0.08;
+constexpr double kHiddenError = 1;  // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
 constexpr double kLikeRadiusPx = 0.03, kLikeRadiusShare = 0.008;  // of one that is expected
 constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;
@@ -340,6 +343,9 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
           kSofterError * std::max(0.0, softer_px - kSofterPx));
       wrong_px = std::max(wrong_px, missing_px);
       wrong_px = std::hypot(wrong_px, WrongOutline(*wand, k, outline));
+      if (markers[k].pixels->clipped) {
+        wrong_px = std::hypot(wrong_px, kClippedError * outline.edge_px);
+      }
       wrong_px = std::hypot(wrong_px, kMovedError * arcs[k].moved_px);
       outlines[k] = outline;
       centre.centre_px = outline.centre_px;

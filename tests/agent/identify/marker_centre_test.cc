@@ -80,15 +80,12 @@ TEST(MarkerMeter, SaturationAndASlopingBackgroundMoveNothing) {
   }
 }
 
-// Where red is saturated, it does not show that one side is brighter, and seems to reach further.
-TEST(MarkerMeter, SaturatedChannelOfAnUnevenDiscIsLeftOut) {
-  const Eigen::Vector2d true_px(31.3, 32.8);
-  const DiscImage plain(true_px, 8, 1, Flat);
+// A disc that is brighter on one side.
+std::vector<uint8_t> UnevenDisc(const Eigen::Vector2d& centre, const Eigen::Vector3d& colour) {
   std::vector<uint8_t> pixels(kSize * kSize * 3);
-  const double colour[3] = {40, 95, 230};
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
-      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - true_px;
+      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - centre;
       const double share = 0.5 * std::erfc((d.norm() - 8) / (0.7 * std::sqrt(2.0)));
       const double light = 1 + 0.4 * d.x() / std::max(8.0, d.norm());
       for (int k = 0; k < 3; ++k) {
@@ -97,17 +94,45 @@ TEST(MarkerMeter, SaturatedChannelOfAnUnevenDiscIsLeftOut) {
       }
     }
   }
+  return pixels;
+}
+
+// Where red is saturated, it does not show that one side is brighter, and seems to reach further.
+TEST(MarkerMeter, SaturatedChannelOfAnUnevenDiscIsLeftOut) {
+  const Eigen::Vector2d true_px(31.3, 32.8);
+  const DiscImage plain(true_px, 8, 1, Flat);
+  const std::array<bool, 3> only_red = {false, false, true}, all_but_blue = {false, true, true};
+  // Where green is, too, blue says it with a tenth of the grey levels.
+  for (const bool both : {false, true}) {
+    const Eigen::Vector3d colour =
+        both ? Eigen::Vector3d(45, 700, 1500) : Eigen::Vector3d(40, 95, 230);
+    const std::vector<uint8_t> pixels = UnevenDisc(true_px, colour);
+    const ImageView image{pixels.data(), kSize, kSize, kSize * 3, PixelFormat::kBgr8};
+    MarkerMeter meter;
+    MarkerCentre centre;
+    ASSERT_TRUE(meter.Measure(image, plain.blob_, &centre));
+    EXPECT_EQ(centre.saturated, both ? all_but_blue : only_red);
+    OutlinePixels outline;
+    meter.CollectPixels(image, centre, &outline);
+    EXPECT_FALSE(outline.clipped);
+    float most = 0;
+    for (const float coverage : outline.coverage) most = std::max(most, coverage);
+    // With the saturated channels 1.1.
+    EXPECT_GT(most, 1.25f);
+  }
+}
+
+TEST(MarkerMeter, ClippedLightIsSaidToBeSo) {
+  const Eigen::Vector2d true_px(31.3, 32.8);
+  const DiscImage plain(true_px, 8, 1, Flat);
+  const std::vector<uint8_t> pixels = UnevenDisc(true_px, {14, 700, 1500});
   const ImageView image{pixels.data(), kSize, kSize, kSize * 3, PixelFormat::kBgr8};
   MarkerMeter meter;
   MarkerCentre centre;
   ASSERT_TRUE(meter.Measure(image, plain.blob_, &centre));
-  EXPECT_EQ(centre.saturated, (std::array<bool, 3>{false, false, true}));
   OutlinePixels outline;
   meter.CollectPixels(image, centre, &outline);
-  float most = 0;
-  for (const float coverage : outline.coverage) most = std::max(most, coverage);
-  // With the saturated channel 1.1.
-  EXPECT_GT(most, 1.25f);
+  EXPECT_TRUE(outline.clipped);
 }
 
 TEST(MarkerMeter, AnotherDiscBesideItMovesLittle) {

@@ -101,6 +101,19 @@ TEST(SetOutlinedCentres, ASphereThatIsPartlyHiddenIsTakenFromItsArc) {
   EXPECT_GT(arc.covariance_px2(0, 0), 4 * whole.covariance_px2(0, 0));
 }
 
+// How its light differs from side to side is not seen, and moves the edge by a part of its width.
+TEST(SetOutlinedCentres, ClippedLightHasALargerCovariance) {
+  ThreeSpheres plain(-100), clipped(-100);
+  clipped.pixels_[1].clipped = true;
+  plain.SetCentres();
+  clipped.SetCentres();
+  for (size_t k = 0; k < 3; ++k) {
+    const MarkerCentre &with = clipped.wand_.centres[k], &without = plain.wand_.centres[k];
+    EXPECT_NEAR(with.covariance_px2(0, 0) - without.covariance_px2(0, 0), k == 1 ? 0.003 : 0,
+                k == 1 ? 0.001 : 1e-9);
+  }
+}
+
 // Of an arc little is known: what its edge is off its ellipse counts in full.
 TEST(SetOutlinedCentres, AnArcThatIsNotOnAnEllipseHasALargerCovariance) {
   ThreeSpheres even(-4.8), uneven(-4.8);

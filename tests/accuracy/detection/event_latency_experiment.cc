@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/detection/event_latency_experiment.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 
@@ -103,12 +106,16 @@ std::vector<LatencySensor> LatencySensors() {
   still.refractory_us = 300;
   EventRenderOptions plain = fast;  // blind to what lasts shorter
   plain.refractory_us = EventRenderOptions{}.refractory_us;
-  return {
-      {"fast pixels, 50 Hz out", fast, 500, 50},    {"fast pixels, 200 Hz out", fast, 500, 200},
-      {"fast pixels, 200 Hz wand", fast, 200, 200}, {"slow pixels, 50 Hz out", slow, 500, 50},
-      {"slow pixels, 200 Hz out", slow, 500, 200},  {"slow pixels, 200 Hz wand", slow, 200, 200},
-      {"uneven thresholds", uneven, 500, 200},      {"refractory 300 us", still, 500, 200},
-      {"refractory 500 us", plain, 500, 200}};
+  return {{"fast pixels, 50 Hz out", fast, 500, 50},
+          {"fast pixels, 200 Hz out", fast, 500, 200},
+          {"fast pixels, 200 Hz wand", fast, 200, 200},
+          {"slow pixels, 50 Hz out", slow, 500, 50},
+          {"slow pixels, 200 Hz out", slow, 500, 200},
+          {"slow pixels, 200 Hz wand", slow, 200, 200},
+          {"uneven thresholds", uneven, 500, 200},
+          {"refractory 300 us", still, 500, 200},
+          {"refractory 500 us", plain, 500, 200},
+          {"refractory 500 us, 200 Hz wand", plain, 200, 200}};
 }
 
 LatencyPoint RunLatency(const LatencySensor& sensor, const LatencyLight& light, int streams,
@@ -141,6 +148,28 @@ std::vector<SecondLatencySensor> SecondLatencySensors() {
           {"second order, thresholds differ", uneven}};
 }
 
+SecondLatencySensor RandomSecondSensor(uint32_t seed) {
+  RandomStream draw{seed, 0x5e50};
+  // As likely in each octave.
+  const auto between = [&draw](double least, double most) {
+    return least * std::pow(most / least, draw.Uniform());
+  };
+  SecondPixelOptions sensor;
+  sensor.on_threshold = between(0.14, 0.38);
+  sensor.off_threshold = std::clamp(sensor.on_threshold * between(0.65, 1.5), 0.12, 0.42);
+  sensor.threshold_spread = draw.Uniform(0.04, 0.14);
+  sensor.cutoff_hz = between(1500, 10'000);
+  sensor.follows_light = draw.Uniform() < 0.5;
+  sensor.refractory_us = between(40, 330);
+  sensor.room_share = between(0.15, 0.9);
+  sensor.edge_px = draw.Uniform(0.4, 1.1);
+  return {fmt::format("{:.1f} kHz{}, thresholds {:.2f} {:.2f}, refractory {:.0f} us, room {:.2f}",
+                      1e-3 * sensor.cutoff_hz, sensor.follows_light ? " with the light" : "",
+                      sensor.on_threshold, sensor.off_threshold, sensor.refractory_us,
+                      sensor.room_share),
+          sensor};
+}
+
 LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLight& light,
                               int streams, uint32_t seed, int threads) {
   const EventDetectionOptions options = SmallEventDetection();
@@ -164,6 +193,7 @@ LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLi
       return truth;
     };
     SecondPixelOptions pixels = sensor.sensor;
+    pixels.blink_hz = options.target.blink_hz.front();
     pixels.duty = light.duty;
     pixels.contrast = light.contrast;
     pixels.phase = draw.Uniform();
@@ -206,6 +236,17 @@ LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLi
     return result;
   };
   return PointOf(light, RunAll<EventStreamResult>(streams, threads, run));
+}
+
+double LatencySpreadOfDutyUs(const std::vector<LatencyPoint>& points) {
+  double most = 0;
+  for (const LatencyPoint& point : points) {
+    std::vector<LatencyPoint> like;
+    std::copy_if(points.begin(), points.end(), std::back_inserter(like),
+                 [&point](const LatencyPoint& p) { return p.light.duty == point.light.duty; });
+    if (const double apart = LatencySpreadUs(like); apart > most) most = apart;
+  }
+  return most;
 }
 
 double LatencySpreadUs(const std::vector<LatencyPoint>& points) {

@@ -49,10 +49,14 @@ struct SecondLatencySensor {
   SecondPixelOptions sensor;
 };
 std::vector<SecondLatencySensor> SecondLatencySensors();
+// Thresholds, bandwidth, refractory period, room and blur drawn from what sensors have.
+SecondLatencySensor RandomSecondSensor(uint32_t seed);
 LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLight& light,
                               int streams, uint32_t seed, int threads);
 
 // Between the largest and the smallest latency.
 double LatencySpreadUs(const std::vector<LatencyPoint>& points);
+// The same of those of one duty cycle, the largest: a wand mostly has one.
+double LatencySpreadOfDutyUs(const std::vector<LatencyPoint>& points);
 
 }  // namespace rigcal::accuracy

@@ -110,7 +110,8 @@ void EventObservationSource::WarnOfScene(size_t first_found) {
     if (!has_blob_ && ++without_blob_ == kSilentDetections) {
       spdlog::warn(
           "camera {}: nothing blinks at the wand's frequency in the first {} detections; is the "
-          "wand on, and does it blink as the target's hz= says?",
+          "wand on, does it blink as the target's hz= says, and is it both lit and dark for longer "
+          "than the sensor's refractory period in each blink?",
           camera, kSilentDetections);
     }
   }

@@ -199,6 +199,7 @@ TEST_F(EventObservationSourceTest, SaysThatNothingBlinksAsTheTargetSays) {
     EXPECT_EQ(log.text().find("nothing blinks at the wand's frequency") != std::string::npos,
               blink_hz != 500)
         << log.text();
+    EXPECT_EQ(log.text().find("refractory period") != std::string::npos, blink_hz != 500);
   }
 }
 

@@ -20,7 +20,6 @@ namespace rigcal::accuracy {
 namespace {
 
 constexpr double kGoalUs = 100;
-const std::string kRandomSensors = "random sensors";
 
 // The largest difference.
 double PrintSensor(const std::string& name,
@@ -40,18 +39,19 @@ double PrintSensor(const std::string& name,
   return spread_us;
 }
 
-// As many sensors as seeds, each before two streams.
-void PrintRandomSensors(const SeedOptions& seeds) {
-  if (kRandomSensors.find(seeds.only) == std::string::npos) return;
-  fmt::print("{}: apart (at one duty cycle), each light, us\n", kRandomSensors);
+// As many sensors as seeds, each before one stream of each light.
+void PrintRandomSensors(const SeedOptions& seeds, double blink_hz) {
+  const std::string name = fmt::format("random sensors: wand at {:.0f} Hz", blink_hz);
+  if (name.find(seeds.only) == std::string::npos) return;
+  fmt::print("{}: apart (at one duty cycle), each light, us\n", name);
   std::vector<double> spreads_us;
   for (int i = 0; i < seeds.count; ++i) {
     const auto seed = static_cast<uint32_t>(seeds.first + i);
-    const SecondLatencySensor sensor = RandomSecondSensor(seed);
+    const SecondLatencySensor sensor = RandomSecondSensor(seed, blink_hz);
     std::vector<LatencyPoint> points;
     std::string latencies;
     for (const LatencyLight& light : LatencyLights()) {
-      const LatencyPoint point = RunSecondLatency(sensor, light, 2, seed, seeds.threads);
+      const LatencyPoint point = RunSecondLatency(sensor, light, 1, seed, seeds.threads);
       latencies += fmt::format("{:5.0f}", point.latency_us);
       if (2 * point.found > point.shown) points.push_back(point);
     }
@@ -89,7 +89,7 @@ int RunEventLatencies(const SeedOptions& seeds) {
   if (largest_us > 0) {
     fmt::print("most apart before one sensor: {:.0f} us (at most {:.0f})\n", largest_us, kGoalUs);
   }
-  PrintRandomSensors(seeds);
+  for (const double blink_hz : {500.0, 200.0}) PrintRandomSensors(seeds, blink_hz);
   return 0;
 }
 

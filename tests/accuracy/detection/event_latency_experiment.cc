@@ -115,6 +115,7 @@ std::vector<LatencySensor> LatencySensors() {
           {"uneven thresholds", uneven, 500, 200},
           {"refractory 300 us", still, 500, 200},
           {"refractory 500 us", plain, 500, 200},
+          {"refractory 300 us, 200 Hz wand", still, 200, 200},
           {"refractory 500 us, 200 Hz wand", plain, 200, 200}};
 }
 
@@ -148,7 +149,7 @@ std::vector<SecondLatencySensor> SecondLatencySensors() {
           {"second order, thresholds differ", uneven}};
 }
 
-SecondLatencySensor RandomSecondSensor(uint32_t seed) {
+SecondLatencySensor RandomSecondSensor(uint32_t seed, double blink_hz) {
   RandomStream draw{seed, 0x5e50};
   // As likely in each octave.
   const auto between = [&draw](double least, double most) {
@@ -167,12 +168,13 @@ SecondLatencySensor RandomSecondSensor(uint32_t seed) {
                       1e-3 * sensor.cutoff_hz, sensor.follows_light ? " with the light" : "",
                       sensor.on_threshold, sensor.off_threshold, sensor.refractory_us,
                       sensor.room_share),
-          sensor};
+          sensor, blink_hz};
 }
 
 LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLight& light,
                               int streams, uint32_t seed, int threads) {
-  const EventDetectionOptions options = SmallEventDetection();
+  EventDetectionOptions options = SmallEventDetection();
+  options.target.blink_hz = {sensor.blink_hz};
   constexpr double kWarmUpS = 0.05, kDurationS = 0.2;
   const auto run = [&](int stream) {
     EventStreamResult result;
@@ -193,7 +195,7 @@ LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLi
       return truth;
     };
     SecondPixelOptions pixels = sensor.sensor;
-    pixels.blink_hz = options.target.blink_hz.front();
+    pixels.blink_hz = sensor.blink_hz;
     pixels.duty = light.duty;
     pixels.contrast = light.contrast;
     pixels.phase = draw.Uniform();

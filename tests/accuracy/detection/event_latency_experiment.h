@@ -47,10 +47,11 @@ LatencyPoint RunLatency(const LatencySensor& sensor, const LatencyLight& light, 
 struct SecondLatencySensor {
   std::string name;
   SecondPixelOptions sensor;
+  double blink_hz = 500;
 };
 std::vector<SecondLatencySensor> SecondLatencySensors();
 // Thresholds, bandwidth, refractory period, room and blur drawn from what sensors have.
-SecondLatencySensor RandomSecondSensor(uint32_t seed);
+SecondLatencySensor RandomSecondSensor(uint32_t seed, double blink_hz);
 LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLight& light,
                               int streams, uint32_t seed, int threads);
 

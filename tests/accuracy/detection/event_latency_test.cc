@@ -58,8 +58,8 @@ TEST(EventLatency, SpreadsAreOfAllLightsAndOfOneDutyCycle) {
 }
 
 TEST(EventLatency, RandomSensorsDifferAndAreRepeatable) {
-  const SecondLatencySensor first = RandomSecondSensor(1), other = RandomSecondSensor(2);
-  EXPECT_EQ(first.name, RandomSecondSensor(1).name);
+  const SecondLatencySensor first = RandomSecondSensor(1, 500), other = RandomSecondSensor(2, 500);
+  EXPECT_EQ(first.name, RandomSecondSensor(1, 200).name);
   EXPECT_NE(first.name, other.name);
   EXPECT_NE(first.sensor.on_threshold, other.sensor.on_threshold);
   EXPECT_NE(first.sensor.cutoff_hz, other.sensor.cutoff_hz);

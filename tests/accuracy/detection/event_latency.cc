@@ -24,13 +24,13 @@ constexpr double kGoalUs = 100;
 // The largest difference.
 double PrintSensor(const std::string& name,
                    const std::function<LatencyPoint(const LatencyLight& light)>& run) {
-  fmt::print("{}\n  duty  contrast  found %  false  latency us    rms px\n", name);
+  fmt::print("{}\n  duty  contrast  found %  false  latency us    rms px  NEES along\n", name);
   std::vector<LatencyPoint> points;
   for (const LatencyLight& light : LatencyLights()) {
     const LatencyPoint& p = points.emplace_back(run(light));
-    fmt::print("  {:3.0f} %  1:{:<6.0f}  {:7.1f}  {:5}  {:6.0f} ({:3.0f})  {:.4f}\n",
+    fmt::print("  {:3.0f} %  1:{:<6.0f}  {:7.1f}  {:5}  {:6.0f} ({:3.0f})  {:.4f}  {:6.2f}\n",
                100 * light.duty, light.contrast, 100.0 * p.found / std::max(1, p.shown),
-               p.false_wands, p.latency_us, p.sigma_us, p.rms_px);
+               p.false_wands, p.latency_us, p.sigma_us, p.rms_px, p.nees_along);
     std::fflush(stdout);
   }
   const double spread_us = LatencySpreadUs(points);

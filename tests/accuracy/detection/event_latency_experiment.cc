@@ -39,7 +39,7 @@ bool AreWhole(const std::vector<MarkerGroundTruth>& discs, const ImageSize& size
 
 LatencyPoint PointOf(const LatencyLight& light, const std::vector<EventStreamResult>& results) {
   LatencyPoint point{.light = light};
-  double along = 0, speed_squares = 0, squares = 0, scatter = 0;
+  double along = 0, speed_squares = 0, squares = 0, scatter = 0, nees = 0;
   const auto for_each = [&results](auto visit) {
     for (const EventStreamResult& result : results) {
       for (const EventCentre& centre : result.wands.centres) visit(centre);
@@ -55,6 +55,8 @@ LatencyPoint PointOf(const LatencyLight& light, const std::vector<EventStreamRes
     along -= centre.error_px.dot(centre.velocity_px_s);
     speed_squares += centre.velocity_px_s.squaredNorm();
     squares += centre.error_px.squaredNorm();
+    const double error = centre.error_px.dot(centre.velocity_px_s);
+    nees += error * error / centre.velocity_px_s.dot(centre.covariance_px2 * centre.velocity_px_s);
   });
   if (point.centres == 0) return point;
   const double latency_s = along / speed_squares;
@@ -66,6 +68,7 @@ LatencyPoint PointOf(const LatencyLight& light, const std::vector<EventStreamRes
   point.latency_us = 1e6 * latency_s;
   point.sigma_us = 1e6 * std::sqrt(scatter) / speed_squares;
   point.rms_px = std::sqrt(squares / (2 * point.centres));
+  point.nees_along = nees / point.centres;
   return point;
 }
 
@@ -226,6 +229,7 @@ LatencyPoint RunSecondLatency(const SecondLatencySensor& sensor, const LatencyLi
         const Eigen::Vector2d there_px = discs(at_s)[k].centre_px;
         EventCentre& centre = centres.emplace_back();
         centre.error_px = seen.markers[k].centre_px - there_px;
+        centre.covariance_px2 = seen.markers[k].covariance_px2;
         centre.velocity_px_s = 1e3 * (discs(at_s + 1e-3)[k].centre_px - there_px);
         worst_px = std::max(worst_px, centre.error_px.norm());
       }

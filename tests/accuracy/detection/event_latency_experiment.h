@@ -31,6 +31,7 @@ struct LatencyPoint {
   double latency_us = 0;  // by which stamps are later than the light; along the motion
   double sigma_us = 0;    // of that, from its scatter
   double rms_px = 0;      // of each coordinate, with nothing subtracted
+  double nees_along = 0;  // error along the motion squared over its stated variance, mean
 };
 
 // Duty cycles of 20, 50 and 80 %, contrasts of 1, 2 and 3.

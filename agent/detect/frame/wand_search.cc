@@ -128,15 +128,20 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
     }
     return verdict.wand.has_value() || has_rivals_;
   };
+  bool has_tried_contrast = false;
   // What stands out of a lit room. Rivals are told apart in other levels.
-  if (is_white || IsLit(image)) {
-    if (search(SpotFinder::kContrastLevel) && !has_rivals_) return verdict;
+  const auto search_contrast = [&] {
+    if (has_tried_contrast || !(is_white || IsLit(image))) return false;
+    has_tried_contrast = true;
+    if (search(SpotFinder::kContrastLevel) && !has_rivals_) return true;
     verdict = Verdict();
     has_rivals_ = false;
-  }
+    return false;
+  };
   for (const size_t level : SpotFinder::kWideLevels) {
     if (is_white) break;
     if (search(level) && !has_rivals_) return verdict;
+    if (!has_rivals_ && search_contrast()) return verdict;
     // A window's slats look alike, but have no colour.
     if (has_rivals_ || !IsCrowded()) break;
     if (level == 0 && passed_share_ > kMostlyItsColour && IsLit(image)) {
@@ -150,7 +155,7 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
     return verdict;
   }
   for (const size_t level : SpotFinder::kPaleLevels) {
-    if (search(level)) return verdict;
+    if (search(level) || search_contrast()) return verdict;
   }
   if (may_be_dim_ && EstimatedMs() < kDimMs && search(SpotFinder::kDimLevel)) return verdict;
   // Where hardly anything has a colour the spheres may be white too.

@@ -141,10 +141,12 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
   for (const size_t level : SpotFinder::kWideLevels) {
     if (is_white) break;
     if (search(level) && !has_rivals_) return verdict;
-    const bool is_crowded = IsCrowded();
-    if (!has_rivals_ && search_contrast()) return verdict;
     // A window's slats look alike, but have no colour.
-    if (has_rivals_ || !is_crowded) break;
+    if (has_rivals_) break;
+    if (!IsCrowded()) {
+      if (search_contrast()) return verdict;
+      break;
+    }
     if (level == 0 && passed_share_ > kMostlyItsColour && IsLit(image)) {
       if (search(SpotFinder::kWhitenedLevel) && !has_rivals_) return verdict;
     }

@@ -121,6 +121,28 @@ TEST(WandDetector, SpheresThatAddLittleToAWallAreFound) {
   }
 }
 
+// White light has made the spheres bright in all channels; what is behind them has their hue and
+// more of it, everywhere.
+TEST(WandDetector, PaleSpheresBeforeTheirOwnHueAreFound) {
+  RenderedWand scene;
+  const FrameGroundTruth ground_truth = scene.Render(Standing());
+  constexpr double kBehind[] = {15, 40, 220}, kSphere[] = {110, 145, 210};
+  for (size_t i = 0; i < scene.pixels.size(); i += 3) {
+    const double share = std::clamp((scene.pixels[i + 2] - 20) / 140.0, 0.0, 1.0);
+    for (size_t k = 0; k < 3; ++k) {
+      scene.pixels[i + k] =
+          static_cast<uint8_t>(std::lround((1 - share) * kBehind[k] + share * kSphere[k]));
+    }
+  }
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View());
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  for (size_t k = 0; k < 3; ++k) {
+    const MarkerObservation& marker = detection.observation.markers[k];
+    EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.3) << k;
+  }
+}
+
 TEST(WandDetector, HalfCoveredSphereIsReportedAndNotGuessed) {
   RenderedWand scene;
   const FrameGroundTruth ground_truth = scene.Render(Standing());

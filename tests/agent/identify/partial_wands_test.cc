@@ -193,10 +193,10 @@ TEST(FindPartialWands, PlacesWhereNothingIsCostLittle) {
 }
 
 TEST(LeastPartialConfidence, GrowsWithThePlacesThatWereTried) {
-  EXPECT_NEAR(LeastPartialConfidence(0), 0.65, 1e-9);
-  EXPECT_GT(LeastPartialConfidence(100), 0.69);
-  EXPECT_GT(LeastPartialConfidence(400), 0.76);
-  EXPECT_LT(LeastPartialConfidence(400), 0.85);  // a wand in a cluttered room is found
+  EXPECT_NEAR(LeastPartialConfidence(0), 0.88, 1e-9);
+  EXPECT_GT(LeastPartialConfidence(100), 0.91);
+  EXPECT_GT(LeastPartialConfidence(400), 0.95);
+  EXPECT_LT(LeastPartialConfidence(400), 0.97);  // a wand in a cluttered room is found
 }
 
 }  // namespace

@@ -121,7 +121,7 @@ double LeastConfidence(int bars) {
 TEST(PartialWand, TheMorePlacesWereTriedTheSurerItMustBe) {
   EXPECT_LT(LeastConfidence(0), 0.6);
   const double least = LeastConfidence(14);
-  EXPECT_GT(least, 0.65);
+  EXPECT_GT(least, 0.88);
   EXPECT_LT(least, 1);
 }
 

@@ -10,8 +10,9 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kAroundBlocks = 8;  // of SumsOf17, on each side: a sphere of up to 10 px is less than its half
-constexpr int kMoreGrey = 8;      // than the mean; a block has 1 to 2 grey levels of noise
+// On each side of a block (SumsOf17): a sphere of up to 10 px is less than half of what is around.
+constexpr int kAroundBlocks = 8;
+constexpr int kMoreGrey = 8;  // than the mean; a block has 1 to 2 grey levels of noise
 constexpr int kPixelsOfBlock = 4;
 
 // Each bit of the lower half twice.

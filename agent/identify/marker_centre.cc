@@ -126,7 +126,7 @@ bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aper
   return true;
 }
 
-bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
+bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture, bool by_colour,
                         MarkerCentre* centre) {
   const std::vector<RingBackground::Arc>& arcs = background_.arcs();
   const size_t size = window_.size();
@@ -173,7 +173,7 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
                foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
                if ((above - share * range).squaredNorm() > strange * strange)
                  foreign_[i] |= kOtherColour;
-               colour_share_[i] = ColourShare(above, range, least_colour, strange);
+               if (by_colour) colour_share_[i] = ColourShare(above, range, least_colour, strange);
                const float counted =
                    ((is_half_white_ ? colour_share_[i] : share) - kFree) / (kCovered - kFree);
                coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
@@ -325,7 +325,7 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
             image, aperture, window_, centre->plateau_grey.cast<float>(),
             {MarkerAperture::kMarginPx + MarkerAperture::kGapPx, aperture.ring_px, kArcPx},
             last ? &centre->noise_grey : nullptr) ||
-        !Cover(image, aperture, centre)) {
+        !Cover(image, aperture, !last || is_half_white_, centre)) {
       return false;
     }
     if (!last) {

@@ -91,7 +91,9 @@ class MarkerMeter {
   bool PlaceWindow(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
   bool ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
                    MarkerCentre* centre) const;
-  bool Cover(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
+  // `by_colour`: the coverage by colour without white, too.
+  bool Cover(const ImageView& image, const MarkerAperture& aperture, bool by_colour,
+             MarkerCentre* centre);
   // The blob of the pixels that are more marker than background, without what its mask merged with.
   bool Outline(const MarkerAperture& aperture, Blob* blob);
   void Block(const MarkerAperture& aperture);

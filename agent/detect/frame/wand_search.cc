@@ -131,7 +131,7 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
   bool has_tried_contrast = false;
   // What stands out of a lit room. Rivals are told apart in other levels.
   const auto search_contrast = [&] {
-    if (has_tried_contrast || !(is_white || IsLit(image))) return false;
+    if (has_tried_contrast || *of_parts || !(is_white || IsLit(image))) return false;
     has_tried_contrast = true;
     if (search(SpotFinder::kContrastLevel) && !has_rivals_) return true;
     verdict = Verdict();

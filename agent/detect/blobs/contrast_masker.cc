@@ -26,6 +26,17 @@ uint64_t Doubled(uint64_t bits) {
   return bits | bits << 1;
 }
 
+// What the means of a part's blocks need, from a whole word and an even row on, so that the blocks
+// are those of the whole image; inside the image.
+PixelRect WithSurroundings(const PixelRect& part, const ImageView& image) {
+  constexpr int kAroundPx = 2 * kAroundBlocks + 1;
+  const int left = std::max(0, part.x - kAroundPx) / kMaskWordBits * kMaskWordBits;
+  const int top = std::max(0, part.y - kAroundPx) / 2 * 2;
+  const int right = std::min(image.width, (part.x + part.width + kAroundPx + 1) / 2 * 2);
+  const int bottom = std::min(image.height, (part.y + part.height + kAroundPx + 1) / 2 * 2);
+  return {left, top, std::max(0, right - left), std::max(0, bottom - top)};
+}
+
 }  // namespace
 
 void ContrastMasker::ReadBlocks(const ImageView& image, const PixelRect& part) {
@@ -72,12 +83,10 @@ const PixelMask& ContrastMasker::Mask(const ImageView& image, const PixelRect& p
   if (mask_.width() != image.width || mask_.height() != image.height) {
     mask_ = PixelMask(image.width, image.height);
   }
-  PixelRect whole = part;
-  whole.x -= part.x % kMaskWordBits;
-  whole.width += part.x % kMaskWordBits;
+  const PixelRect whole = WithSurroundings(part, image);
   width_ = whole.width / 2;
   height_ = whole.height / 2;
-  for (int y = part.y; y < part.y + part.height; ++y) {
+  for (int y = whole.y; y < whole.y + whole.height; ++y) {
     std::fill_n(mask_.MutableRow(y), mask_.words_per_row(), uint64_t{0});
   }
   if (width_ < 1 || height_ < 1) return mask_;

@@ -18,8 +18,8 @@ class ContrastMasker {
   // Channels of a pixel, 0 blue, 1 green, 2 red: in which the colour is strongest and weakest.
   ContrastMasker(int strongest, int weakest) : strongest_(strongest), weakest_(weakest) {}
 
-  // Pixels of a part of the image (its columns by words); the others are whatever they were. Valid
-  // until the next call.
+  // Pixels of a part of the image, as in the mask of the whole; the others are whatever they are.
+  // Valid until the next call.
   const PixelMask& Mask(const ImageView& image, const PixelRect& part);
 
  private:

@@ -52,6 +52,7 @@ constexpr int kClipped = 250;
 constexpr int kMaxRuns = 12000;            // of each level, some 30 ns each
 constexpr int64_t kMaxMaskedPx = 3000000;  // of boxes of patches, 0.3 ns each
 constexpr int64_t kMaxSplitPx = 120000;    // of the same, 9 ns each
+constexpr int kSearchesOfContrast = 4;     // that take as long as one by contrast
 constexpr size_t kMaxSpots = 160;          // pairs of them, 5 ns each
 // Of a marker's middle against the others, before it is measured.
 constexpr double kAlikeDoubt = 11;  // where all around looks like it
@@ -59,17 +60,23 @@ constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
 // Small things are many: titles of books, slats, letters.
 constexpr double kFewBelowPx = 3.5, kSmallDoubt = 2;  // per pixel of the radius
 
+double HueWidthDeg(const ColourRange& colour) {
+  return std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
+}
+
+double MiddleHueDeg(const ColourRange& colour) {
+  return std::fmod(colour.hue_min_deg + 0.5 * HueWidthDeg(colour), 360);
+}
+
 // The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
 int MainChannel(const ColourRange& colour) {
-  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
-  const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
+  const double middle = MiddleHueDeg(colour);
   return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
 }
 
 // The channel that is weakest there.
 int WeakestChannel(const ColourRange& colour) {
-  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
-  const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
+  const double middle = MiddleHueDeg(colour);
   return middle < 120 ? 0 : middle < 240 ? 2 : 1;
 }
 
@@ -84,23 +91,22 @@ double HueDeg(const Eigen::Vector3f& bgr) {
 }
 
 bool IsNear(double hue_deg, const ColourRange& colour) {
-  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
   const double from_min = std::fmod(hue_deg - colour.hue_min_deg + 720, 360);
-  return from_min <= width + kNearHueDeg || from_min >= 360 - kNearHueDeg;
+  return from_min <= HueWidthDeg(colour) + kNearHueDeg || from_min >= 360 - kNearHueDeg;
 }
 
 // A range that also takes hues up to yellow, cyan or magenta, whichever is next to its middle:
 // where the main channel is clipped, the second one catches up with it.
 ColourRange WithClippedHues(ColourRange colour) {
-  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
-  const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
+  const double half_deg = 0.5 * HueWidthDeg(colour);
+  const double middle = MiddleHueDeg(colour);
   const double primary = 120 * std::round(middle / 120);
   const double beyond = 60 + kPastSecondaryDeg;
   if (middle > primary) {
-    const double more = primary + beyond - middle - 0.5 * width;
+    const double more = primary + beyond - middle - half_deg;
     if (more > 0) colour.hue_max_deg = std::fmod(colour.hue_max_deg + more + 360, 360);
   } else {
-    const double more = middle - 0.5 * width - (primary - beyond);
+    const double more = middle - half_deg - (primary - beyond);
     if (more > 0) colour.hue_min_deg = std::fmod(colour.hue_min_deg - more + 360, 360);
   }
   return colour;
@@ -297,7 +303,8 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
                                 ? finder.FindIn(image, part, contrast_.Mask(image, part))
                                 : finder.Find(image, part, bright);
   runs_ += found.run_count;
-  searches_ += found.row_count == image.height ? (level_ == kContrastLevel ? 4 : 1) : 0;
+  const int searches = level_ == kContrastLevel ? kSearchesOfContrast : 1;
+  searches_ += found.row_count == image.height ? searches : 0;
   const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
   // Those that a marker may be a part of, the smallest first.
   std::vector<const Blob*> patches;

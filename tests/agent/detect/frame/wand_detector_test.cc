@@ -28,6 +28,17 @@ Detection MustDetect(WandDetector& detector, const ImageView& view, int64_t time
 
 WandMotion Standing() { return RenderedWand::Wand({-0.3, 0.1, 2.2}, {1, 0.2, 0.3}); }
 
+// Of a detector with the usual options.
+void ExpectCentres(const RenderedWand& scene, const FrameGroundTruth& ground_truth) {
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View());
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  for (size_t k = 0; k < 3; ++k) {
+    const MarkerObservation& marker = detection.observation.markers[k];
+    EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.3) << k;
+  }
+}
+
 TEST(WandDetector, FindsTheProjectionsOfTheSpheresCentres) {
   RenderedWand scene;
   const FrameGroundTruth ground_truth = scene.Render(Standing());
@@ -112,13 +123,7 @@ TEST(WandDetector, SpheresThatAddLittleToAWallAreFound) {
   RenderedWand scene;
   const FrameGroundTruth ground_truth = scene.Render(Standing());
   for (uint8_t& grey : scene.pixels) grey = static_cast<uint8_t>(120 + grey / 8);
-  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
-  const Detection detection = MustDetect(detector, scene.View());
-  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
-  for (size_t k = 0; k < 3; ++k) {
-    const MarkerObservation& marker = detection.observation.markers[k];
-    EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.3) << k;
-  }
+  ExpectCentres(scene, ground_truth);
 }
 
 // White light has made the spheres bright in all channels; what is behind them has their hue and
@@ -134,13 +139,7 @@ TEST(WandDetector, PaleSpheresBeforeTheirOwnHueAreFound) {
           static_cast<uint8_t>(std::lround((1 - share) * kBehind[k] + share * kSphere[k]));
     }
   }
-  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
-  const Detection detection = MustDetect(detector, scene.View());
-  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
-  for (size_t k = 0; k < 3; ++k) {
-    const MarkerObservation& marker = detection.observation.markers[k];
-    EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.3) << k;
-  }
+  ExpectCentres(scene, ground_truth);
 }
 
 TEST(WandDetector, HalfCoveredSphereIsReportedAndNotGuessed) {

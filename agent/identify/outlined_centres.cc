@@ -22,7 +22,7 @@ constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 // The same of light that is clipped, whose slope is not seen: where it is brighter, the edge at
 // half of the clipped light is further out.
 constexpr double kClippedError = 0.08;
-constexpr double kHiddenError = 1;  // radii, per share of the edge that is elsewhere
+constexpr double kHiddenError = 0.5;  // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
 constexpr double kLikeRadiusPx = 0.03, kLikeRadiusShare = 0.008;  // of one that is expected
 constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;
@@ -30,13 +30,15 @@ constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;
 // partly hidden.
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundPx = 0.3;  // of the edge, per step of the background over the contrast
-constexpr double kNeighbourPx = 0.1;   // of the edge, where something else is near
+constexpr double kNeighbourPx = 0.05;  // of the edge, where something else is near
 constexpr double kHiddenPx = 0.1, kHiddenRatio = 6, kSuspectRatio = 3;
 constexpr double kShortPx = 0.2;  // against what diameter and distance say
 constexpr double kMostSaturatedBehind = 0.1;
 // Signs of an outline of something else, over the place: of what it is smaller than the pose says,
 // and of the radius, per relative slope of the light beyond one.
 constexpr double kSmallError = 0.5, kDarkError = 0.1;
+// The same of one that is longer than the others', over the place: per radius and stretch.
+constexpr double kStretchError = 2, kLikeStretch = 0.04;
 // Of arcs: of the radius by pose and diameter; sectors; of what leaving them out moves the centre.
 constexpr double kPoseRadiusPx = 0.15, kPoseRadiusShare = 0.05;
 constexpr double kOtherRadiusPx = 0.1, kOtherRadiusShare = 0.03;  // by another outline
@@ -213,6 +215,18 @@ double MissingRadius(const FittedOutlines& outlines, size_t marker,
              : 0;
 }
 
+// How much longer than the others' an outline is: what hides a side of a sphere makes it so.
+double ExtraStretch(const FittedOutlines& outlines, size_t marker) {
+  const Eigen::Vector2d& own = outlines[marker]->stretch;
+  double extra = own.norm();
+  for (size_t k = 0; k < outlines.size(); ++k) {
+    if (k == marker || !outlines[k]) continue;
+    const Eigen::Vector2d& other = outlines[k]->stretch;
+    extra = std::min(extra, own.norm() > other.norm() ? (own - other).norm() : 0);
+  }
+  return extra;
+}
+
 // How far off the place of an outline may be that cannot be quite that of a sphere: one that is
 // much smaller than pose and diameter say, or whose light would be less than none on one side.
 double WrongOutline(const VerifiedWand& wand, size_t marker, const SphereOutline& outline) {
@@ -295,8 +309,10 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
     const bool is_arc = wand->centres[k].cut || !arcs[k].is_all();
     if (is_arc && (arcs[k].failed || too_little)) wand->whole[k] = false;
   }
-  bool has_whole = false;
+  const bool has_hidden = wand->OccludedCount() > 0;
+  bool has_whole = false, has_outline = false;
   for (size_t k = 0; k < markers.size(); ++k) {
+    has_outline |= outlines[k].has_value();
     has_whole |= outlines[k] && arcs[k].is_all() && !wand->centres[k].cut;
   }
   const auto pixels_of = [&](size_t k) -> const OutlinePixels& {
@@ -347,6 +363,8 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
         wrong_px = std::hypot(wrong_px, kClippedError * outline.edge_px);
       }
       wrong_px = std::hypot(wrong_px, kMovedError * arcs[k].moved_px);
+      wrong_px = std::hypot(wrong_px, kStretchError * outline.radius_px *
+                                          std::max(0.0, ExtraStretch(arced, k) - kLikeStretch));
       outlines[k] = outline;
       centre.centre_px = outline.centre_px;
       // Of the sectors' mean, by what the background behind them may be.
@@ -385,6 +403,10 @@ void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fit
       if (fitted[k]) {
         wrong_px =
             std::hypot(wrong_px, kHiddenError * fitted[k]->off_outline * fitted[k]->radius_px);
+      }
+      // What hides another marker may hide a part of this one, too; without outlines nothing tells.
+      if (has_hidden && !has_outline) {
+        wrong_px = std::hypot(wrong_px, kAloneError * centre.radius_px);
       }
     }
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();

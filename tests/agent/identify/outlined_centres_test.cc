@@ -15,8 +15,8 @@ namespace {
 
 constexpr double kNoise = 0.02, kRadius = 8;
 
-// A disc of which what is left of `from_x` is hidden.
-OutlinePixels Disc(const Eigen::Vector2d& centre, double from_x, uint32_t seed) {
+// A disc of which what is left of `from_x` is hidden; `wide`: its width over its height.
+OutlinePixels Disc(const Eigen::Vector2d& centre, double from_x, uint32_t seed, double wide = 1) {
   std::mt19937 random(seed);
   std::normal_distribution<double> noise(0, kNoise);
   OutlinePixels pixels;
@@ -24,7 +24,8 @@ OutlinePixels Disc(const Eigen::Vector2d& centre, double from_x, uint32_t seed) 
   for (int y = middle_y - 12; y <= middle_y + 12; ++y) {
     for (int x = middle_x - 12; x <= middle_x + 12; ++x) {
       const Eigen::Vector2d d = Eigen::Vector2d(x, y) - centre;
-      const double cover = 0.5 * std::erfc((d.norm() - kRadius) / (0.7 * std::sqrt(2.0)));
+      const double from_middle = std::hypot(d.x() / wide, d.y());
+      const double cover = 0.5 * std::erfc((from_middle - kRadius) / (0.7 * std::sqrt(2.0)));
       const double seen = 0.5 * std::erfc((from_x - d.x()) / (0.7 * std::sqrt(2.0)));
       pixels.Add(static_cast<float>(x), static_cast<float>(y),
                  static_cast<float>(cover * seen + noise(random)), static_cast<float>(1 / kNoise));
@@ -73,6 +74,16 @@ class ThreeSpheres {
     OutlinedMarkers markers;
     for (size_t k = 0; k < 3; ++k) markers.push_back({&outlines_[k], &pixels_[k]});
     SetOutlinedCentres(markers, &fitter_, &wand_);
+  }
+
+  void Squeeze(size_t k, double wide) {
+    const Eigen::Vector2d centre = wand_.centres[k].centre_px;
+    pixels_[k] = Disc(centre, -100, 7, wide);
+    outlines_[k] = SphereOutline();
+    outlines_[k].centre_px = centre;
+    outlines_[k].radius_px = kRadius;
+    fitted_ =
+        fitted_ && fitter_.Fit(pixels_[k], wand_.centres[k].second_moment_px2, {}, &outlines_[k]);
   }
 
   bool fitted_ = true;
@@ -147,6 +158,39 @@ bool IsWholeBeside(double waves) {
 TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItsEdgeIsOnItsOutline) {
   EXPECT_FALSE(IsWholeBeside(0));
   EXPECT_TRUE(IsWholeBeside(0.3));
+}
+
+// What hides a side of a sphere leaves an outline that fits well and is in another place. Blur
+// and perspective make all of them longer.
+TEST(SetOutlinedCentres, AnOutlineThatIsLongerThanTheOthersHasALargerCovariance) {
+  ThreeSpheres round(-100), one(-100), all(-100);
+  one.Squeeze(1, 0.8);
+  for (size_t k = 0; k < 3; ++k) all.Squeeze(k, 0.8);
+  ASSERT_TRUE(one.fitted_);
+  ASSERT_TRUE(all.fitted_);
+  for (ThreeSpheres* wand : {&round, &one, &all}) wand->SetCentres();
+  ASSERT_EQ(one.wand_.OccludedCount(), 0);
+  ASSERT_EQ(all.wand_.OccludedCount(), 0);
+  // A fifth of the width is missing on either side.
+  EXPECT_GT(std::sqrt(one.wand_.centres[1].covariance_px2(0, 0)), 0.5);
+  EXPECT_LT(std::sqrt(one.wand_.centres[0].covariance_px2(0, 0)),
+            2 * std::sqrt(round.wand_.centres[0].covariance_px2(0, 0)));
+  EXPECT_LT(std::sqrt(all.wand_.centres[1].covariance_px2(0, 0)), 0.2);
+}
+
+// Two spheres that touch are measured by their centroids.
+TEST(SetOutlinedCentres, WithoutOutlinesWhatHidesOneMarkerMayHideTheOthers) {
+  const auto sigma_px = [](bool third_is_whole) {
+    ThreeSpheres wand(-100);
+    wand.wand_.centres[1].centre_px = wand.wand_.centres[0].centre_px + Eigen::Vector2d(16.5, 0);
+    wand.wand_.whole[2] = third_is_whole;
+    OutlinedMarkers markers;
+    for (size_t k = 0; k < 2; ++k) markers.push_back({&wand.outlines_[k], &wand.pixels_[k]});
+    markers.push_back({nullptr, nullptr});
+    SetOutlinedCentres(markers, &wand.fitter_, &wand.wand_);
+    return std::sqrt(wand.wand_.centres[0].covariance_px2(0, 0));
+  };
+  EXPECT_GT(sigma_px(false), sigma_px(true) + 0.5);
 }
 
 TEST(SetOutlinedCentres, WhatIsBesideASphereWidensItsCovariance) {

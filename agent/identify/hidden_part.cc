@@ -18,7 +18,7 @@ constexpr double kGapPx = 1.2, kGapRadii = 0.08, kLeastRingPx = 2, kRingRadii = 
 constexpr double kFinePartPx = 5;      // larger ones are read more coarsely
 constexpr double kWorkOfPixel = 0.08;  // against one that is measured
 // Of a part, against the whole marker.
-constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.2,
+constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.17,
                  kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
 // Where it is as bright all around, as before a window, some of that is seen past the marker.
 constexpr double kPastMarker = 0.5;

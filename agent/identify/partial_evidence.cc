@@ -10,12 +10,18 @@ namespace {
 
 // Of what the cost says of the pose: the place of a part is vague.
 constexpr double kPoseEvidence = 0.7, kMostPoseEvidence = 6;
-constexpr double kStickEvidence = 6;   // that is seen between the others
-constexpr double kSliverEvidence = 8;  // that is a mixture of their colour and what is around
+constexpr double kStickEvidence = 6;  // that is seen between the others
+// Of a sliver, that is a mixture of their colour and what is around: a rim of something is one,
+// too.
+constexpr double kSliverEvidence = 1, kDarkSliverEvidence = 8;
 constexpr double kDarkEvidence = -1, kRoomEvidence = 0.7;  // without what follows
 constexpr double kLikeColour = 0.03;    // one sigma of the difference of spheres, in rad
 constexpr double kAroundEvidence = 50;  // per share of the ring around the part that looks like it
 constexpr double kUnresolvedEvidence = 0.6;
+// Of the two outlines, less what does not fit: per unit of the misfit of each, above what noise and
+// the model's limits leave, and of the sectors off the outline.
+constexpr double kOutlineEvidence = 17, kMisfitEvidence = 40, kOffOutlineEvidence = 34;
+constexpr double kUsualMisfit = 0.5, kMostPartMisfit = 0.3, kMostOffShare = 0.25;
 
 }  // namespace
 
@@ -26,10 +32,20 @@ double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand,
   double evidence = kPoseEvidence * pose_cost;
   if (in_room) evidence = std::min(kMostPoseEvidence, evidence);
   if (candidate.has_stick) evidence += kStickEvidence;
-  if (candidate.is_sliver) evidence += kSliverEvidence;
+  if (candidate.is_sliver) evidence += in_room ? kSliverEvidence : kDarkSliverEvidence;
   if (!in_room) return evidence + kDarkEvidence;
   return evidence + kRoomEvidence - Squared(ColourDifference(wand) / kLikeColour) -
          kAroundEvidence * candidate.partial_around - kUnresolvedEvidence * unresolved;
+}
+
+double OutlineEvidence(absl::Span<const OutlineMatch> outlines) {
+  double misfit = 0, off = 0;
+  for (const OutlineMatch& outline : outlines) {
+    misfit += std::clamp(outline.misfit - kUsualMisfit, 0.0, kMostPartMisfit);
+    off += outline.off_outline;
+  }
+  return kOutlineEvidence - kMisfitEvidence * misfit -
+         kOffOutlineEvidence * std::min(kMostOffShare, off);
 }
 
 }  // namespace rigcal::agent

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "absl/types/span.h"
 #include "agent/identify/verified_wand.h"
 #include "agent/identify/wand_finder.h"
 
@@ -12,5 +13,15 @@ namespace rigcal::agent {
 // things. `in_room`: of a lit room, in which there are such things.
 double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand, double unresolved,
                        bool in_room);
+
+// How well the outline of a sphere fits; none can be fitted: badly.
+struct OutlineMatch {
+  double misfit = 1;       // the residual over what noise and shading may leave (ShapeCost)
+  double off_outline = 0;  // see SphereOutline
+};
+
+// What the outlines of the two add to that in a lit room: labels, lamps and what is seen between
+// slats are hardly ever spheres as exactly, or stand out less.
+double OutlineEvidence(absl::Span<const OutlineMatch> outlines);
 
 }  // namespace rigcal::agent

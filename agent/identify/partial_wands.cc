@@ -31,7 +31,7 @@ constexpr double kCommonRadiusPx = 0.8;                  // of both, by blur and
 constexpr double kStepRadii = 0.25;  // along the line, between places that are looked at
 constexpr int kSteps = 48;           // of the ratio of their depths
 constexpr double kLargestPart = 1.3, kKnownCost = 0.5;
-constexpr double kLeastConfidence = 0.88, kTriedOdds = 0.85, kFewPlaces = 150;
+constexpr double kLeastConfidence = 0.88, kTriedOdds = 2.5, kDarkTriedOdds = 0.85, kFewPlaces = 150;
 
 MarkerSight SightOf(const Blob& blob, const MarkerSight& ray) {
   MarkerSight sight = ray;
@@ -231,9 +231,9 @@ class PartSearch {
 
 }  // namespace
 
-double LeastPartialConfidence(int tried) {
-  const double odds =
-      kLeastConfidence / (1 - kLeastConfidence) * std::pow(1 + tried / kFewPlaces, kTriedOdds);
+double LeastPartialConfidence(int tried, bool in_room) {
+  const double odds = kLeastConfidence / (1 - kLeastConfidence) *
+                      std::pow(1 + tried / kFewPlaces, in_room ? kTriedOdds : kDarkTriedOdds);
   return odds / (1 + odds);
 }
 

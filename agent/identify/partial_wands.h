@@ -35,8 +35,8 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
                               double* work);
 
 // The least confidence of such a wand where so many places were looked at: two things and a part of
-// a third are found by chance among many.
-double LeastPartialConfidence(int tried);
+// a third are found by chance among many. `in_room`: of a lit room, in which there are such things.
+double LeastPartialConfidence(int tried, bool in_room);
 
 // As a part of a marker is placed: within the marker. `radius_px`: of the whole marker.
 void LoosenSight(double radius_px, MarkerSight* sight);

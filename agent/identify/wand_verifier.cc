@@ -71,6 +71,12 @@ bool IsWhite(const VerifiedWand& wand) {
   });
 }
 
+// What an outline's fit leaves, over what noise and shading may leave.
+double Misfit(const MarkerCentre& centre, const SphereOutline& outline) {
+  const double noise = centre.noise_grey / centre.contrast_grey;
+  return outline.residual * std::hypot(noise, kMeterNoise) / std::hypot(noise, kOutlineNoise);
+}
+
 // Two small spheres look like any two small things, such as labels on books.
 double UnresolvedCost(const VerifiedWand& wand) {
   double radius_px = 0;
@@ -194,6 +200,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand, in_room_) +
                  Squared(ColourDifference(wand) / kPartialColourSigma) -
                  (1 - kPartialChance) * chance_cost_;
+    wand.has_part = true;
     wand.evidence = PartialEvidence(candidate, wand, UnresolvedCost(wand), in_room_);
   }
   wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
@@ -306,10 +313,7 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
       continue;
     }
     if (markers_.OfBlob(wand.blobs[k]).by_others) cost += kByOthersCost;
-    const double noise = centre.noise_grey / centre.contrast_grey;
-    const double residual = outline->residual * std::hypot(noise, kMeterNoise);
-    const double misfit =
-        Squared(std::max(0.0, residual / std::hypot(noise, kOutlineNoise) - 1) / kResidualSigma);
+    const double misfit = Squared(std::max(0.0, Misfit(centre, *outline) - 1) / kResidualSigma);
     // The stick, or its shadow, in front of a sphere that is round everywhere else.
     const bool is_round =
         outline->on_outline > kMostlyOnOutline && outline->off_outline < kHardlyOffOutline;
@@ -327,6 +331,17 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
   cost += Squared(std::max(0.0, mean.norm() - kUsualStretch) / kMeanStretchSigma);
   for (const auto& [stretch, weight] : stretches) cost += weight * (stretch - mean).squaredNorm();
   return cost;
+}
+
+double WandVerifier::EvidenceOfOutlines(const ImageView& image, const VerifiedWand& wand) {
+  absl::InlinedVector<OutlineMatch, 2> matches;
+  for (size_t k = 0; k < wand.blobs.size(); ++k) {
+    if (!wand.whole[k]) continue;
+    const auto& outline = markers_.OutlineIn(image, wand, k);
+    matches.emplace_back();
+    if (outline) matches.back() = {Misfit(wand.centres[k], *outline), outline->off_outline};
+  }
+  return OutlineEvidence(matches);
 }
 
 bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
@@ -371,6 +386,7 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
   for (VerifiedWand& wand : evaluated_) {
     wand.cost += ShapeCost(image, wand);
+    if (wand.has_part && in_room_) wand.evidence += EvidenceOfOutlines(image, wand);
     wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
   }
   Verdict verdict = Choose();

@@ -54,6 +54,7 @@ class WandVerifier {
   // Takes markers for whole by their outlines.
   void Restore(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand);
   double ShapeCost(const ImageView& image, const VerifiedWand& wand);
+  double EvidenceOfOutlines(const ImageView& image, const VerifiedWand& wand);
   double ConfidenceOf(double cost) const;
 
   double min_confidence_;

@@ -335,8 +335,9 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
     const bool is_sure = std::min(chosen->cost, verdict.wand->cost) <= kSureCost;
     if (is_rival || (is_short && !is_sure)) verdict.wand.reset();
   }
-  if (verdict.wand && ((!few && verdict.wand->confidence < LeastPartialConfidence(found.tried)) ||
-                       verdict.wand->label_confidence < kPartialLabels)) {
+  const double least = few ? 0 : LeastPartialConfidence(found.tried, IsLit(image));
+  if (verdict.wand &&
+      (verdict.wand->confidence < least || verdict.wand->label_confidence < kPartialLabels)) {
     verdict.wand.reset();
   }
   if (verdict.wand && !verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();

@@ -31,7 +31,10 @@ TEST(PartialEvidence, AStickAndASliverAreMore) {
   stick.has_stick = true;
   sliver.is_sliver = true;
   EXPECT_GT(Evidence(stick), Evidence(part) + 3);
-  EXPECT_GT(Evidence(sliver), Evidence(part) + 3);
+  // The rim of something in a lit room is a sliver, too.
+  EXPECT_GT(Evidence(sliver), Evidence(part));
+  EXPECT_LT(Evidence(sliver), Evidence(part) + 3);
+  EXPECT_GT(Evidence(sliver, 0, 0, false), Evidence(part, 0, 0, false) + 3);
 }
 
 TEST(PartialEvidence, WhatIsNotAlikeOrGoesOnIsLessInALitRoom) {
@@ -55,6 +58,20 @@ TEST(PartialEvidence, PoseAndSizesCountLess) {
               1e-9);
   sizes.partial_size_cost = 1000;  // but not at any cost
   EXPECT_LT(Evidence(sizes), Evidence(part) + 10);
+}
+
+// Labels are nearly as round as spheres, but not quite.
+TEST(OutlineEvidence, WhatFitsWorseIsLess) {
+  const OutlineMatch good{0.55, 0}, rough{0.7, 0}, off{0.55, 0.0625}, none;
+  const double both = OutlineEvidence({good, good});
+  EXPECT_GT(both, 12);
+  EXPECT_LT(OutlineEvidence({good, rough}), both - 5);
+  EXPECT_LT(OutlineEvidence({rough, rough}), both - 10);
+  EXPECT_LT(OutlineEvidence({off, good}), both - 2);
+  EXPECT_LT(OutlineEvidence({good, none}), both - 9);
+  // No outline of the simulation fits better; and the worst says only so much.
+  EXPECT_DOUBLE_EQ(OutlineEvidence({{0.4, 0}, {0.5, 0}}), OutlineEvidence({{0.5, 0}, {0.5, 0}}));
+  EXPECT_DOUBLE_EQ(OutlineEvidence({{5, 1}, {5, 1}}), OutlineEvidence({{1, 0.25}, {1, 0}}));
 }
 
 }  // namespace

@@ -122,6 +122,27 @@ TEST(LookForPart, WhatIsBrightAllAroundIsSeenPastTheMarker) {
   EXPECT_FALSE(PartBefore(false));  // a label with a rim
 }
 
+// Half of a disc, and a bar of its look that leads away from it.
+bool SeesPartWithBar(double half_width_px) {
+  std::vector<uint8_t> pixels(size_t{3} * 100 * 100, 12);
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 50; x < 100; ++x) {
+      if (std::hypot(x - 50, y - 50) > kRadius && std::abs(y - 50) > half_width_px) continue;
+      uint8_t* const pixel = &pixels[3 * (static_cast<size_t>(y) * 100 + static_cast<size_t>(x))];
+      pixel[0] = 40, pixel[1] = 110, pixel[2] = 200;
+    }
+  }
+  const ImageView view{pixels.data(), 100, 100, 300, PixelFormat::kBgr8};
+  double work = 3000;
+  return LookForPart(view, {50, 50}, kRadius, {40, 110, 200}, true, &work).has_value();
+}
+
+// A stick does, too, but not so wide: it would be taken for the marker in the middle.
+TEST(LookForPart, WhatGoesOnIsNone) {
+  EXPECT_TRUE(SeesPartWithBar(4));
+  EXPECT_FALSE(SeesPartWithBar(7.4));
+}
+
 TEST(LookForSliver, BesideAStickLessIsEnough) {
   std::vector<uint8_t> pixels(size_t{3} * 100 * 100, 12);
   for (const size_t y : {48, 49, 50, 51}) {
@@ -193,10 +214,17 @@ TEST(FindPartialWands, PlacesWhereNothingIsCostLittle) {
 }
 
 TEST(LeastPartialConfidence, GrowsWithThePlacesThatWereTried) {
-  EXPECT_NEAR(LeastPartialConfidence(0), 0.88, 1e-9);
-  EXPECT_GT(LeastPartialConfidence(100), 0.91);
-  EXPECT_GT(LeastPartialConfidence(400), 0.95);
-  EXPECT_LT(LeastPartialConfidence(400), 0.97);  // a wand in a cluttered room is found
+  EXPECT_NEAR(LeastPartialConfidence(0, false), 0.88, 1e-9);
+  EXPECT_GT(LeastPartialConfidence(100, false), 0.91);
+  EXPECT_GT(LeastPartialConfidence(400, false), 0.95);
+  EXPECT_LT(LeastPartialConfidence(400, false), 0.97);  // a wand in a cluttered room is found
+}
+
+// There outlines say more of a wand, and more things are found by chance.
+TEST(LeastPartialConfidence, GrowsFasterInALitRoom) {
+  EXPECT_NEAR(LeastPartialConfidence(0, true), 0.88, 1e-9);
+  EXPECT_GT(LeastPartialConfidence(400, true), 0.99);
+  EXPECT_LT(LeastPartialConfidence(400, true), 0.997);
 }
 
 }  // namespace

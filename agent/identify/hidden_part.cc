@@ -25,10 +25,10 @@ constexpr double kPastMarker = 0.5;
 constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 1.5;
 // Of a sliver, blurred with what is around: as shares of the way from there to a whole marker.
 constexpr double kLeastSliverContrast = 50;  // grey levels, of a marker
-constexpr double kLeastCover = 0.2, kCoverSigmas = 4, kBusyCover = 0.1;
+constexpr double kLeastCover = 0.12, kCoverSigmas = 4, kBusyCover = 0.15;
 constexpr double kCoverColour = 0.3;  // of the cover, across the way
 constexpr int kLeastSliverPixels = 3;
-constexpr double kLeastSliverPx = 1.5, kLeastWithStickPx = 1, kLeastSliverShare = 0.015,
+constexpr double kLeastSliverPx = 1, kLeastWithStickPx = 0.7, kLeastSliverShare = 0.015,
                  kSliverCost = 1.5;
 
 void Count(int x, int y, ComponentSums* sums) {

@@ -147,17 +147,50 @@ TEST(LookForSliver, BesideAStickLessIsEnough) {
   std::vector<uint8_t> pixels(size_t{3} * 100 * 100, 12);
   for (const size_t y : {48, 49, 50, 51}) {
     uint8_t* const pixel = &pixels[3 * (y * 100 + 52)];
-    pixel[0] = 12 + 9, pixel[1] = 12 + 32, pixel[2] = 12 + 61;  // a third of the way
+    pixel[0] = 12 + 6, pixel[1] = 12 + 23, pixel[2] = 12 + 44;  // a quarter of the way
   }
   const ImageView view{pixels.data(), 100, 100, 300, PixelFormat::kBgr8};
   for (const bool has_stick : {false, true}) {
     double work = 3000;
-    const auto part = LookForSliver(view, {50, 50}, 5, {40, 110, 200}, has_stick, &work);
+    const auto part = LookForSliver(view, {50, 50}, 3.5, {40, 110, 200}, has_stick, &work);
     ASSERT_EQ(part.has_value(), has_stick);
     if (part) {
       EXPECT_TRUE(part->is_sliver);
     }
   }
+}
+
+// A column of pixels that are covered so far, before rows that differ by some of the way to a
+// marker.
+bool SeesSliver(double cover, double rows, bool has_stick) {
+  std::vector<uint8_t> pixels(size_t{3} * 100 * 100);
+  const std::array<double, 3> way = {28, 98, 188};
+  for (size_t y = 0; y < 100; ++y) {
+    for (size_t x = 0; x < 100; ++x) {
+      const bool is_sliver = x == 52 && y >= 48 && y <= 51;
+      const double share = is_sliver ? cover : (y / 2 % 2 == 0 ? 0 : rows);
+      for (size_t c = 0; c < 3; ++c) {
+        pixels[3 * (100 * y + x) + c] = static_cast<uint8_t>(12 + share * way[c]);
+      }
+    }
+  }
+  const ImageView view{pixels.data(), 100, 100, 300, PixelFormat::kBgr8};
+  double work = 3000;
+  return LookForSliver(view, {50, 50}, 3.5, {40, 110, 200}, has_stick, &work).has_value();
+}
+
+TEST(LookForSliver, OfAnEvenSurfaceLittleIsEnough) {
+  EXPECT_TRUE(SeesSliver(0.18, 0, true));
+  EXPECT_FALSE(SeesSliver(0.11, 0, true));
+  EXPECT_TRUE(SeesSliver(0.28, 0, false));
+  EXPECT_FALSE(SeesSliver(0.22, 0, false));
+  EXPECT_FALSE(SeesSliver(0.28, 0.15, false));
+}
+
+TEST(LookForSliver, TheMoreUnevenItIsThereTheMoreMustBeSeen) {
+  EXPECT_TRUE(SeesSliver(0.8, 0.26, false));
+  EXPECT_FALSE(SeesSliver(0.5, 0.26, false));
+  EXPECT_FALSE(SeesSliver(1, 0.36, false));
 }
 
 VerifiedWand WandAt(const std::array<double, 3>& places_px, int hidden) {

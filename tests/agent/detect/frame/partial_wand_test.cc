@@ -125,6 +125,31 @@ TEST(PartialWand, TheMorePlacesWereTriedTheSurerItMustBe) {
   EXPECT_LT(least, 1);
 }
 
+// In a lit room with other things of their colour two small spheres, or labels (`square`), and half
+// of a third.
+bool FindsTwoAndAHalf(bool square) {
+  FrameRenderOptions room = RoomWithStick();
+  room.rod_m = 0;
+  RenderedWand scene(room);
+  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.2, 0.3, 3.8}, {1, 0, 0.1}));
+  const auto fill = [&](size_t k, int right, int half, uint8_t b, uint8_t g, uint8_t r) {
+    const Eigen::Vector2d& at = truth.markers[k].centre_px;
+    scene.Fill(static_cast<int>(std::lround(at.x())) - half + right,
+               static_cast<int>(std::lround(at.y())) - half, 2 * half + 1, 2 * half + 1, b, g, r);
+  };
+  if (square) fill(0, 0, 3, 40, 110, 190), fill(1, 0, 3, 40, 110, 190);
+  fill(2, 12, 11, 30, 30, 30);
+  for (int i = 0; i < 14; ++i) scene.Fill(40 + 35 * i, 60, 4, 40, 40, 110, 190);
+  scene.Fill(0, 400, 640, 80, 120, 120, 120);
+  const auto seen = Detected(scene);
+  return seen && seen->markers[0].visible && seen->markers[1].visible;
+}
+
+TEST(PartialWand, TwoSmallSpheresAreKnownByTheirOutlines) {
+  EXPECT_TRUE(FindsTwoAndAHalf(false));
+  EXPECT_FALSE(FindsTwoAndAHalf(true));
+}
+
 // Its brightness is not the wand's, but its colour and its outline are.
 TEST(PartialWand, ASphereThatIsTooDarkToBeLookedForIsFoundByTheOthers) {
   RenderedWand scene;

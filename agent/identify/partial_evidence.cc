@@ -2,6 +2,7 @@
 #include "agent/identify/partial_evidence.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "agent/identify/squared.h"
 
@@ -21,6 +22,7 @@ constexpr double kUnresolvedEvidence = 0.6;
 // Of the two outlines, less what does not fit: per unit of the misfit of each, above what noise and
 // the model's limits leave, and of the sectors off the outline.
 constexpr double kOutlineEvidence = 17, kMisfitEvidence = 40, kOffOutlineEvidence = 34;
+constexpr double kMostMiddleTilt = 1.25, kThinShare = 0.05, kMostThinCost = 7;
 constexpr double kUsualMisfit = 0.5, kMostPartMisfit = 0.3, kMostOffShare = 0.25;
 
 }  // namespace
@@ -36,6 +38,14 @@ double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand,
   if (!in_room) return evidence + kDarkEvidence;
   return evidence + kRoomEvidence - Squared(ColourDifference(wand) / kLikeColour) -
          kAroundEvidence * candidate.partial_around - kUnresolvedEvidence * unresolved;
+}
+
+bool SaysWhichMarkers(const WandCandidate& candidate, const VerifiedWand& wand) {
+  if (!candidate.is_sliver) {
+    return candidate.partial != 1 || std::abs(wand.fit.tilt_rad) < kMostMiddleTilt;
+  }
+  const double cost = wand.fit.cost + TiltCost(wand.fit.tilt_rad) + candidate.partial_cost;
+  return candidate.has_stick || candidate.partial_share > kThinShare || cost < kMostThinCost;
 }
 
 double OutlineEvidence(absl::Span<const OutlineMatch> outlines) {

@@ -14,6 +14,11 @@ namespace rigcal::agent {
 double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand, double unresolved,
                        bool in_room);
 
+// Whether what is seen of the part says which markers the other two are, in a lit room. Of a wand
+// that points at the camera the stick between two markers is taken for the middle one; and a thin
+// rim without a stick may be that of something else, where pose and sizes do not fit well.
+bool SaysWhichMarkers(const WandCandidate& candidate, const VerifiedWand& wand);
+
 // How well the outline of a sphere fits; none can be fitted: badly.
 struct OutlineMatch {
   double misfit = 1;       // the residual over what noise and shading may leave (ShapeCost)

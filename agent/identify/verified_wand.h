@@ -20,6 +20,7 @@ struct VerifiedWand {
   double evidence = 0;          // of what the cost does not count, as a chi-squared
   double confidence = 0;        // 0 to 1, from both
   bool has_part = false;        // of a marker only a part is seen (FindPartialWands)
+  double part_share = 0;        // of its disc; 0: none is seen, or not how much
   double label_confidence = 1;  // 0.5 to 1: against the same blobs with flipped labels
 
   int OccludedCount() const;

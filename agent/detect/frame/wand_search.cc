@@ -41,11 +41,18 @@ constexpr double kLeastLit = 0.02;        // of the pixels
 constexpr double kMostlyItsColour = 0.2;  // of the pixels
 constexpr double kLittleMs = 1.8, kDimMs = 2.4;
 constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for in another level
-constexpr double kWholeGain = 5;         // in cost, against the same with a hidden marker
-constexpr double kNoFurtherMs = 3.1;     // by the times above: no other level is begun
+// A marker of which so little is seen is hidden, in any level.
+constexpr double kHiddenShare = 0.5, kSureOfPart = 0.99;
+constexpr double kWholeGain = 5;      // in cost, against the same with a hidden marker
+constexpr double kNoFurtherMs = 3.1;  // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
+
+bool IsSurelyHidden(const VerifiedWand& wand) {
+  return wand.has_part && wand.part_share > 0 && wand.part_share < kHiddenShare &&
+         wand.confidence > kSureOfPart;
+}
 
 }  // namespace
 
@@ -120,7 +127,7 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
     cut_short_ |= EstimatedMs() > kNoFurtherMs;
     if (EstimatedMs() > kNoFurtherMs) return true;
     verdict = Search(image, image.Bounds(), level);
-    if (verdict.wand && verdict.wand->OccludedCount() > 0 &&
+    if (verdict.wand && verdict.wand->OccludedCount() > 0 && !IsSurelyHidden(*verdict.wand) &&
         (level < SpotFinder::kPaleLevels[1] || level == SpotFinder::kContrastLevel) &&
         EstimatedMs() < kAnotherLevelMs && (is_white || IsLit(image))) {
       if (!*of_parts || verdict.wand->cost < (*of_parts)->cost) *of_parts = verdict.wand;

@@ -60,6 +60,36 @@ TEST(PartialEvidence, PoseAndSizesCountLess) {
   EXPECT_LT(Evidence(sizes), Evidence(part) + 10);
 }
 
+TEST(SaysWhichMarkers, APieceOfAStickAlongTheLineOfSightDoesNot) {
+  WandCandidate middle, end;
+  middle.partial = 1;
+  middle.has_stick = end.has_stick = true;
+  end.partial = 2;
+  VerifiedWand wand = Wand(0);
+  wand.fit.tilt_rad = -1.3;
+  EXPECT_FALSE(SaysWhichMarkers(middle, wand));
+  EXPECT_TRUE(SaysWhichMarkers(end, wand));
+  wand.fit.tilt_rad = -1.2;
+  EXPECT_TRUE(SaysWhichMarkers(middle, wand));
+}
+
+TEST(SaysWhichMarkers, AThinRimDoesWhereAllElseFits) {
+  WandCandidate thin;
+  thin.partial = 0;
+  thin.is_sliver = true;
+  thin.partial_share = 0.03;
+  thin.partial_cost = 4;
+  VerifiedWand wand = Wand(0);
+  EXPECT_TRUE(SaysWhichMarkers(thin, wand));
+  wand.fit.cost = 4;
+  EXPECT_FALSE(SaysWhichMarkers(thin, wand));
+  thin.partial_share = 0.06;
+  EXPECT_TRUE(SaysWhichMarkers(thin, wand));
+  thin.partial_share = 0.03;
+  thin.has_stick = true;
+  EXPECT_TRUE(SaysWhichMarkers(thin, wand));
+}
+
 // Labels are nearly as round as spheres, but not quite.
 TEST(OutlineEvidence, WhatFitsWorseIsLess) {
   const OutlineMatch good{0.55, 0}, rough{0.7, 0}, off{0.55, 0.0625}, none;

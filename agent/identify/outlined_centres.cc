@@ -219,7 +219,10 @@ class OutlinedCentres {
     // Of the sectors' mean, by what the background behind them may be.
     const double background_px2 = std::max(Squared(kBackgroundPx * centre.background_steps),
                                            centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
-    centre.covariance_px2 = scatters_[k].noise / outline.follows * outline.covariance_px2 +
+    // Where the spheres have less noise than what is around them, that is textured, and so is the
+    // half of an edge's pixels that is background: the geometric mean of both.
+    const double noise = std::sqrt(scatters_[k].noise);
+    centre.covariance_px2 = noise / outline.follows * outline.covariance_px2 +
                             kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     // What is not on an ellipse may be hidden in part, or more than was left out.
     centre.covariance_px2 *= std::max(1.0, EdgeRatio(arced_, k) / (IsArc(k) ? 1 : kSuspectRatio));

@@ -178,6 +178,21 @@ TEST(SetOutlinedCentres, AnOutlineThatIsLongerThanTheOthersHasALargerCovariance)
   EXPECT_LT(std::sqrt(all.wand_.centres[1].covariance_px2(0, 0)), 0.2);
 }
 
+// A textured background counts as noise around a sphere, not in it, and is behind half of its edge.
+TEST(SetOutlinedCentres, LessNoiseInTheSpheresThanAroundThemCountsByHalf) {
+  ThreeSpheres usual(-100), textured(-100);
+  for (OutlinePixels& pixels : textured.pixels_) {
+    for (float& precision : pixels.precision) precision *= 0.5f;
+  }
+  for (SphereOutline& outline : textured.outlines_) outline.pixel_noise *= 0.25;
+  usual.SetCentres();
+  textured.SetCentres();
+  const double ratio = textured.wand_.centres[1].covariance_px2.trace() /
+                       usual.wand_.centres[1].covariance_px2.trace();
+  EXPECT_GT(ratio, 1.6);
+  EXPECT_LT(ratio, 2.4);
+}
+
 // Two spheres that touch are measured by their centroids.
 TEST(SetOutlinedCentres, WithoutOutlinesWhatHidesOneMarkerMayHideTheOthers) {
   const auto sigma_px = [](bool third_is_whole) {

@@ -24,6 +24,9 @@ constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 constexpr double kClippedError = 0.08;
 constexpr double kHiddenError = 0.5;  // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
+// Where spheres have much less noise than what is around them, that is textured, and so is the half
+// of an edge's pixels that is background: of the variance of the ring around them.
+constexpr double kLeastEdgeNoise = 0.55;
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundPx = 0.3;  // of the edge, per step of the background over the contrast
 constexpr double kNeighbourPx = 0.05;  // of the edge, where something else is near
@@ -219,9 +222,7 @@ class OutlinedCentres {
     // Of the sectors' mean, by what the background behind them may be.
     const double background_px2 = std::max(Squared(kBackgroundPx * centre.background_steps),
                                            centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
-    // Where the spheres have less noise than what is around them, that is textured, and so is the
-    // half of an edge's pixels that is background: the geometric mean of both.
-    const double noise = std::sqrt(scatters_[k].noise);
+    const double noise = std::max(scatters_[k].noise, kLeastEdgeNoise);
     centre.covariance_px2 = noise / outline.follows * outline.covariance_px2 +
                             kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     // What is not on an ellipse may be hidden in part, or more than was left out.

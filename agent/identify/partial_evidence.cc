@@ -22,8 +22,23 @@ constexpr double kUnresolvedEvidence = 0.6;
 // Of the two outlines, less what does not fit: per unit of the misfit of each, above what noise and
 // the model's limits leave, and of the sectors off the outline.
 constexpr double kOutlineEvidence = 17, kMisfitEvidence = 40, kOffOutlineEvidence = 34;
+// The same of all three of a whole wand, which has more to say for it.
+constexpr double kWholeMisfitEvidence = 10, kUsualSum = 0.45;
 constexpr double kMostMiddleTilt = 1.25, kThinShare = 0.05, kMostThinCost = 7;
 constexpr double kUsualMisfit = 0.5, kMostPartMisfit = 0.3, kMostOffShare = 0.25;
+
+struct MisfitSums {
+  double misfit = 0, off = 0;
+};
+
+MisfitSums SumsOf(absl::Span<const OutlineMatch> outlines) {
+  MisfitSums sums;
+  for (const OutlineMatch& outline : outlines) {
+    sums.misfit += std::clamp(outline.misfit - kUsualMisfit, 0.0, kMostPartMisfit);
+    sums.off += outline.off_outline;
+  }
+  return sums;
+}
 
 }  // namespace
 
@@ -49,13 +64,15 @@ bool SaysWhichMarkers(const WandCandidate& candidate, const VerifiedWand& wand) 
 }
 
 double OutlineEvidence(absl::Span<const OutlineMatch> outlines) {
-  double misfit = 0, off = 0;
-  for (const OutlineMatch& outline : outlines) {
-    misfit += std::clamp(outline.misfit - kUsualMisfit, 0.0, kMostPartMisfit);
-    off += outline.off_outline;
-  }
+  const auto [misfit, off] = SumsOf(outlines);
   return kOutlineEvidence - kMisfitEvidence * misfit -
          kOffOutlineEvidence * std::min(kMostOffShare, off);
+}
+
+double WholeOutlineEvidence(absl::Span<const OutlineMatch> outlines) {
+  const auto [misfit, off] = SumsOf(outlines);
+  return -kWholeMisfitEvidence *
+         std::max(0.0, misfit + kOffOutlineEvidence / kMisfitEvidence * off - kUsualSum);
 }
 
 }  // namespace rigcal::agent

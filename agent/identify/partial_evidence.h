@@ -29,4 +29,7 @@ struct OutlineMatch {
 // slats are hardly ever spheres as exactly, or stand out less.
 double OutlineEvidence(absl::Span<const OutlineMatch> outlines);
 
+// The same of all outlines of a wand of which no marker is hidden, at most 0.
+double WholeOutlineEvidence(absl::Span<const OutlineMatch> outlines);
+
 }  // namespace rigcal::agent

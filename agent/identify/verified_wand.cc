@@ -10,6 +10,7 @@ namespace {
 constexpr double kBrightnessSigma = 0.2, kDarkBrightnessSigma = 0.4;  // of its logarithm
 constexpr double kColourSigma = 0.12;                                 // rad
 constexpr double kSkewness = 0.012;
+constexpr double kWhiteGrey = 240;
 constexpr double kTiltCost = 4;                      // of the logarithm of its cosine
 constexpr double kSamePlace = 0.8, kSamePart = 1.3;  // of a radius
 
@@ -67,6 +68,12 @@ double ColourDifference(const VerifiedWand& wand) {
     }
   }
   return largest;
+}
+
+bool IsWhite(const VerifiedWand& wand) {
+  return std::ranges::all_of(wand.centres, [](const MarkerCentre& centre) {
+    return !(centre.contrast_grey > 0) || centre.plateau_grey.minCoeff() >= kWhiteGrey;
+  });
 }
 
 bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {

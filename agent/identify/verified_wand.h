@@ -41,6 +41,8 @@ double TiltCost(double tilt_rad);
 // The largest between two markers that were measured, in rad.
 double ColourDifference(const VerifiedWand& wand);
 double MeanBrightness(const VerifiedWand& wand);  // grey levels, over all channels
+// None of the markers has a colour.
+bool IsWhite(const VerifiedWand& wand);
 
 // No blob in common.
 bool Disjoint(const VerifiedWand& a, const VerifiedWand& b);

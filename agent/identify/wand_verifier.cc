@@ -23,7 +23,7 @@ constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.15, kFewTried = 20;
 constexpr double kResolvedPx = 5.5, kUnresolvedCost = 2.7;  // per pixel of the radius
-constexpr double kWhiteCost = 6, kWhiteGrey = 240;
+constexpr double kWhiteCost = 6;
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kTooAlike = 0.5;    // for its outline to be seen
 constexpr double kMostHidden = 0.2;  // of a marker, by others of the wand
@@ -62,13 +62,6 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
 bool IsInBlob(const Eigen::Vector2d& centre_px, const Blob& blob) {
   const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
   return (centre_px - blob.centre_px).norm() < kOwnPlacePx + kOwnPlace * radius_px;
-}
-
-// None of the markers has a colour.
-bool IsWhite(const VerifiedWand& wand) {
-  return std::ranges::all_of(wand.centres, [](const MarkerCentre& centre) {
-    return !(centre.contrast_grey > 0) || centre.plateau_grey.minCoeff() >= kWhiteGrey;
-  });
 }
 
 // What an outline's fit leaves, over what noise and shading may leave.
@@ -336,6 +329,7 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
 }
 
 double WandVerifier::EvidenceOfOutlines(const ImageView& image, const VerifiedWand& wand) {
+  if (!wand.has_part && wand.OccludedCount() > 0) return 0;
   absl::InlinedVector<OutlineMatch, 2> matches;
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     if (!wand.whole[k]) continue;
@@ -343,7 +337,7 @@ double WandVerifier::EvidenceOfOutlines(const ImageView& image, const VerifiedWa
     matches.emplace_back();
     if (outline) matches.back() = {Misfit(wand.centres[k], *outline), outline->off_outline};
   }
-  return OutlineEvidence(matches);
+  return wand.has_part ? OutlineEvidence(matches) : WholeOutlineEvidence(matches);
 }
 
 bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
@@ -388,7 +382,7 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
   for (VerifiedWand& wand : evaluated_) {
     wand.cost += ShapeCost(image, wand);
-    if (wand.has_part && in_room_) wand.evidence += EvidenceOfOutlines(image, wand);
+    if (in_room_) wand.evidence += EvidenceOfOutlines(image, wand);
     wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
   }
   Verdict verdict = Choose();

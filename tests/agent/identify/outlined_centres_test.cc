@@ -179,7 +179,7 @@ TEST(SetOutlinedCentres, AnOutlineThatIsLongerThanTheOthersHasALargerCovariance)
 }
 
 // A textured background counts as noise around a sphere, not in it, and is behind half of its edge.
-TEST(SetOutlinedCentres, LessNoiseInTheSpheresThanAroundThemCountsByHalf) {
+TEST(SetOutlinedCentres, MuchLessNoiseInTheSpheresThanAroundThemCountsByHalf) {
   ThreeSpheres usual(-100), textured(-100);
   for (OutlinePixels& pixels : textured.pixels_) {
     for (float& precision : pixels.precision) precision *= 0.5f;
@@ -190,7 +190,7 @@ TEST(SetOutlinedCentres, LessNoiseInTheSpheresThanAroundThemCountsByHalf) {
   const double ratio = textured.wand_.centres[1].covariance_px2.trace() /
                        usual.wand_.centres[1].covariance_px2.trace();
   EXPECT_GT(ratio, 1.6);
-  EXPECT_LT(ratio, 2.4);
+  EXPECT_LT(ratio, 2.6);
 }
 
 // Two spheres that touch are measured by their centroids.

@@ -104,5 +104,13 @@ TEST(OutlineEvidence, WhatFitsWorseIsLess) {
   EXPECT_DOUBLE_EQ(OutlineEvidence({{5, 1}, {5, 1}}), OutlineEvidence({{1, 0.25}, {1, 0}}));
 }
 
+TEST(WholeOutlineEvidence, IsLessOfThreeThatAllFitBadly) {
+  const OutlineMatch good{0.55, 0}, rough{0.75, 0.05}, none;
+  EXPECT_DOUBLE_EQ(WholeOutlineEvidence({good, good, good}), 0);
+  EXPECT_DOUBLE_EQ(WholeOutlineEvidence({good, good, rough}), 0);  // one may be before a window
+  EXPECT_LT(WholeOutlineEvidence({rough, rough, rough}), -3);
+  EXPECT_LT(WholeOutlineEvidence({none, none, good}), -1.5);
+}
+
 }  // namespace
 }  // namespace rigcal::agent::partial_evidence_test

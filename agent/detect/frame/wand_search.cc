@@ -42,7 +42,7 @@ constexpr double kMostlyItsColour = 0.2;  // of the pixels
 constexpr double kLittleMs = 1.8, kDimMs = 2.4;
 constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for in another level
 // A marker of which so little is seen is hidden, in any level.
-constexpr double kHiddenShare = 0.5, kSureOfPart = 0.99;
+constexpr double kHiddenShare = 0.6, kSureOfPart = 0.98;
 constexpr double kWholeGain = 5;      // in cost, against the same with a hidden marker
 constexpr double kNoFurtherMs = 3.1;  // by the times above: no other level is begun
 constexpr double kALittleWorse = 2;

@@ -10,11 +10,13 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <sstream>
 #include <string>
 #include <vector>
 
 #include "absl/cleanup/cleanup.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
 #include "common/config/server_config.h"
 #include "common/discovery/discovery.h"
 #include "common/failpoint/failpoint.h"
@@ -133,11 +135,8 @@ void TellHowToJoin(const WebServer& web) {
 // Names between commas, with spaces around them.
 std::vector<std::string> HostsOf(const std::string& text) {
   std::vector<std::string> hosts;
-  std::istringstream stream(text);
-  for (std::string host; std::getline(stream, host, ',');) {
-    const size_t begin = host.find_first_not_of(' ');
-    if (begin == std::string::npos) continue;
-    hosts.push_back(host.substr(begin, host.find_last_not_of(' ') + 1 - begin));
+  for (const absl::string_view host : absl::StrSplit(text, ',', absl::SkipWhitespace())) {
+    hosts.emplace_back(absl::StripAsciiWhitespace(host));
   }
   return hosts;
 }

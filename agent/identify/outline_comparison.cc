@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "agent/identify/squared.h"
+#include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
 namespace {
@@ -26,12 +27,6 @@ constexpr double kMostSaturatedBehind = 0.1;
 constexpr double kSmallError = 0.5, kDarkError = 0.1;
 // The same of one that is longer than the others', per radius and stretch.
 constexpr double kStretchError = 2, kLikeStretch = 0.04;
-
-double MedianOf(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const size_t half = values.size() / 2;
-  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
-}
 
 // The outline that its own edge fits best, which is hardly one of a sphere that is partly hidden.
 size_t SurestOf(const VerifiedWand& wand, const FittedOutlines& outlines) {
@@ -81,16 +76,16 @@ OutlineExpectation ExpectationOf(const VerifiedWand& wand, const FittedOutlines&
   }
   if (sizes_m.size() < 2) return expected;
   const double own_m = outlines[marker]->radius_px / wand.px_per_m[marker];
-  const double size_m = MedianOf(sizes_m);
+  const double size_m = Median(sizes_m);
   double spread_m = 0;  // of two none is the middle one
   if (sizes_m.size() == 2) spread_m = std::abs(own_m - size_m);
   expected.radius_px = size_m * wand.px_per_m[marker];
   expected.radius_sigma_px =
       kLikeRadiusPx + kLikeRadiusShare * expected.radius_px + 2 * spread_m * wand.px_per_m[marker];
   if (sizes_m.size() > 2) {
-    expected.edge_px2 = MedianOf(edges_px2);
+    expected.edge_px2 = Median(edges_px2);
     expected.edge_sigma_px2 = kEdgePx2 + kEdgeShare * expected.edge_px2;
-    expected.stretch = {MedianOf(stretches_x), MedianOf(stretches_y)};
+    expected.stretch = {Median(stretches_x), Median(stretches_y)};
     expected.stretch_sigma = kLikeStretchSigma;
   }
   return expected;

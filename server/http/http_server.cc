@@ -9,7 +9,6 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/redirect_error.hpp>
-#include <boost/asio/ssl/context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/thread_pool.hpp>
 #include <boost/asio/use_awaitable.hpp>
@@ -23,11 +22,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/identity/durable_file.h"
 #include "common/identity/join_string.h"
-#include "common/identity/private_key.h"
 #include "common/status/status_macros.h"
 #include "server/http/http_messages.h"
+#include "server/http/tls_context.h"
 #include "server/listen/listen_socket.h"
 
 namespace rigcal::server {
@@ -46,24 +44,6 @@ using TlsStream = beast::ssl_stream<beast::tcp_stream>;
 constexpr std::chrono::seconds kLinger{1};
 constexpr size_t kLingerBytes = 4 << 20;
 constexpr std::chrono::milliseconds kAcceptPause{100};
-
-absl::StatusOr<std::shared_ptr<asio::ssl::context>> MakeContext(const HttpServerOptions& options) {
-  RIGCAL_ASSIGN_OR_RETURN(const std::string certificate, ReadSmallFile(options.certificate_file));
-  RIGCAL_ASSIGN_OR_RETURN(const std::string key, ReadSmallFile(options.key_file));
-  RIGCAL_RETURN_IF_ERROR(CheckKeyOf(
-      certificate, key,
-      absl::StrCat(options.certificate_file.string(), " and ", options.key_file.string())));
-  using Context = asio::ssl::context;
-  auto context = std::make_shared<Context>(Context::tls_server);
-  ErrorCode error;
-  context->set_options(Context::default_workarounds | Context::no_sslv2 | Context::no_sslv3 |
-                       Context::no_tlsv1 | Context::no_tlsv1_1);
-  context->use_certificate_chain(asio::buffer(certificate), error);
-  if (!error) context->use_private_key(asio::buffer(key), Context::pem, error);
-  if (!error) return context;
-  return absl::FailedPreconditionError(absl::StrCat(
-      "cannot use ", options.certificate_file.string(), " for HTTPS: ", error.message()));
-}
 
 asio::ip::address PlainAddress(const asio::ip::address& address) {
   if (!address.is_v6() || !address.to_v6().is_v4_mapped()) return address;
@@ -127,7 +107,8 @@ class HttpServer::Impl {
 
   absl::StatusOr<int> Start() {
     if (!options_.certificate_file.empty()) {
-      RIGCAL_ASSIGN_OR_RETURN(context_, MakeContext(options_));
+      RIGCAL_ASSIGN_OR_RETURN(context_,
+                              MakeTlsContext(options_.certificate_file, options_.key_file));
     }
     std::string host;
     uint16_t port = 0;
@@ -246,7 +227,8 @@ class HttpServer::Impl {
         spdlog::error("HTTP: an unexpected fault: {}", fault.what());
       }
       if (context_ == nullptr) continue;
-      if (auto context = MakeContext(options_); context.ok()) {
+      if (auto context = MakeTlsContext(options_.certificate_file, options_.key_file);
+          context.ok()) {
         context_ = *std::move(context);  // for new connections
       } else {
         spdlog::error("HTTPS keeps its old certificate: {}",

@@ -14,45 +14,13 @@
 #include "common/wire/protocol_version.h"
 #include "common/wire/request_traits.h"
 #include "common/wire/spool_wire.h"
+#include "server/rpc/agent_stream_link.h"
 #include "server/session/utc_clock.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr size_t kMaxKeptBytes = 256u << 10;
-
-// The coordinator's way to a stream that may have ended.
-class StreamLink final : public AgentLink {
- public:
-  explicit StreamLink(std::weak_ptr<AgentStream> stream) : stream_(std::move(stream)) {}
-
-  void SendStartCapture(const StartCaptureCommand& command) override {
-    v1::ConnectResponse message;
-    *message.mutable_start_capture() = wire::ToProto(command);
-    if (const auto stream = stream_.lock()) stream->Send(std::move(message));
-  }
-  void SendStopCapture(const std::string& session_id) override {
-    v1::ConnectResponse message;
-    message.mutable_stop_capture()->set_session_id(session_id);
-    if (const auto stream = stream_.lock()) stream->Send(std::move(message));
-  }
-  void SendPreviewRequest(const PreviewRequest& request) override {
-    v1::ConnectResponse message;
-    *message.mutable_preview_request() = wire::ToProto(request);
-    if (const auto stream = stream_.lock()) stream->Send(std::move(message));
-  }
-  void SendDetectorRequest(const DetectorRequest& request) override {
-    v1::ConnectResponse message;
-    *message.mutable_detector_request() = wire::ToProto(request);
-    if (const auto stream = stream_.lock()) stream->Send(std::move(message));
-  }
-  void Close(const absl::Status& reason) override {
-    if (const auto stream = stream_.lock()) stream->Close(reason);
-  }
-
- private:
-  const std::weak_ptr<AgentStream> stream_;
-};
 
 // Agents renew their certificates long before.
 void WarnOfEnd(const Peer& peer) {
@@ -177,8 +145,8 @@ void AgentStream::Register(AgentHello hello) {
   if (registry != nullptr) {
     if (const absl::Status status = registry->Check(agent); !status.ok()) return Refuse(status);
   }
-  auto connection = environment_.coordinator->ConnectAgent(
-      std::move(hello.agent), hello.pending, std::make_shared<StreamLink>(weak_from_this()));
+  auto connection = environment_.coordinator->ConnectAgent(std::move(hello.agent), hello.pending,
+                                                           LinkTo(weak_from_this()));
   if (!connection.ok()) return Refuse(connection.status());
   if (registry != nullptr) {
     if (const absl::Status status = registry->Remember(agent); !status.ok()) {

@@ -179,7 +179,7 @@ TEST(SetOutlinedCentres, AnOutlineThatIsLongerThanTheOthersHasALargerCovariance)
 }
 
 // A textured background counts as noise around a sphere, not in it, and is behind half of its edge.
-TEST(SetOutlinedCentres, MuchLessNoiseInTheSpheresThanAroundThemCountsByHalf) {
+TEST(SetOutlinedCentres, OfTheNoiseAroundTheSpheresHalfAtLeastIsTheirs) {
   ThreeSpheres usual(-100), textured(-100);
   for (OutlinePixels& pixels : textured.pixels_) {
     for (float& precision : pixels.precision) precision *= 0.5f;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/identify/outlined_centres.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -34,9 +35,11 @@ constexpr double kNeighbourPx = 0.05;  // of the edge, where something else is n
 // moves the centre.
 constexpr int kLeastKnown = 6;
 constexpr double kMovedError = 0.15;
-constexpr double kArcError = 0.1, kAloneError = 0.2;   // radii
-constexpr int kNotch = 2;                              // sectors that the stick takes
-constexpr double kOddPx = 0.04, kOddError = 1;         // of the place, per error of the radius
+constexpr double kArcError = 0.1, kAloneError = 0.2;  // radii
+constexpr double kVaguePx = 0.5;                // one sigma of an arc's middle that tells nothing
+constexpr int kNotch = 2;                       // sectors that the stick takes
+constexpr double kEvenSteps = 0.1;              // background_steps
+constexpr double kOddPx = 0.04, kOddError = 1;  // of the place, per error of the radius
 constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
 constexpr double kShaded = 8;  // slope_chi_squared of a sphere that is lit from one side
 // Of the slopes' variance by noise, over the root of their number.
@@ -55,6 +58,13 @@ bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
     if (k != marker && gap_px < kLeastGapPx + 4 * edge_px) return true;
   }
   return false;
+}
+
+// Along the axis on which it is largest, px.
+double SigmaOf(const MarkerCentre& centre) {
+  return std::sqrt(
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(centre.covariance_px2, Eigen::EigenvaluesOnly)
+          .eigenvalues()[1]);
 }
 
 // One sigma of the relative slopes of the light on the wand's spheres, of all light or of their
@@ -238,6 +248,10 @@ class OutlinedCentres {
     }
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
+    // Beside something a whole sphere may seem hidden.
+    const bool is_beside =
+        centre.cut || centre.has_neighbour || centre.background_steps > kEvenSteps;
+    if (!arcs_[k].is_all() && !is_beside && SigmaOf(centre) > kVaguePx) wand_.whole[k] = false;
   }
 
   // With what the others say and with sectors that count as much as their edges are on the outline.

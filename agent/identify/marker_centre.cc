@@ -137,11 +137,15 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture, 
   arc_of_.resize(size);
   foreign_.resize(size);
   const Eigen::Vector3f plateau = centre->plateau_grey.cast<float>();
-  double contrast = 0;
+  double contrast = 0, saturated = 0;
   for (const RingBackground::Arc& arc : arcs) {
-    contrast += static_cast<double>((plateau - arc.background).norm());
+    const Eigen::Array3f range = plateau - arc.background;
+    contrast += static_cast<double>(range.matrix().norm());
+    const Eigen::Array3f clipped = (arc.background.array() >= kSaturatedGrey).cast<float>();
+    saturated += static_cast<double>((clipped * range).matrix().norm());
   }
   centre->contrast_grey = contrast / static_cast<double>(arcs.size());
+  centre->saturated_behind = saturated / std::max(1.0, contrast);
   double steps = 0;
   for (size_t k = 0; k < arcs.size(); ++k) {
     steps +=

@@ -37,6 +37,8 @@ struct MarkerCentre {
   // The background's steps from arc to arc, one sigma over the contrast. A few large ones, such as
   // window frames, count little: the fit does not follow them.
   double background_steps = 0;
+  // Of what is around it, 0 to 1: the share of the contrast against backgrounds that are saturated.
+  double saturated_behind = 0;
   double alike = 0;  // share of what is just outside of it that looks like it, 0 to 1
   // Channels of which more than a few pixels of the marker are saturated.
   std::array<bool, 3> saturated{};

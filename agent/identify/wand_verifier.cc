@@ -18,8 +18,9 @@ namespace {
 
 constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
-constexpr double kHalfCost = 11.5;  // confidence 0.5
-constexpr double kCostScale = 2.5;
+// Before a saturated background a sphere looks that much smaller; one sigma of it and of its place.
+constexpr double kSmallerPx = 0.8, kSmallerSigmaPx = 1, kSaturatedPlacePx = 0.5;
+constexpr double kHalfCost = 11.5, kCostScale = 2.5;  // confidence 0.5
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.15, kFewTried = 20;
 constexpr double kResolvedPx = 5.5, kUnresolvedCost = 2.7;  // per pixel of the radius
@@ -215,6 +216,10 @@ bool WandVerifier::FitPose(const WandFinder& finder, int partial, VerifiedWand* 
     sight.radius_px = centre.radius_px;
     sight.sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace() + Squared(kPlaceFloorPx));
     sight.radius_sigma_px = kVerifiedRadiusPx + kVerifiedRadiusShare * centre.radius_px;
+    sight.radius_px += kSmallerPx * centre.saturated_behind;
+    sight.radius_sigma_px =
+        std::hypot(sight.radius_sigma_px, kSmallerSigmaPx * centre.saturated_behind);
+    sight.sigma_px = std::hypot(sight.sigma_px, kSaturatedPlacePx * centre.saturated_behind);
     if (!wand->whole[k]) {
       sight.sigma_px += 0.3 * centre.radius_px;
       sight.radius_sigma_px += 0.3 * centre.radius_px;

@@ -135,6 +135,21 @@ TEST(MarkerMeter, ClippedLightIsSaidToBeSo) {
   EXPECT_TRUE(outline.clipped);
 }
 
+TEST(MarkerMeter, SaysWhatOfItsBackgroundIsSaturated) {
+  MarkerMeter meter;
+  const auto saturated = [&](const DiscImage& image) {
+    MarkerCentre centre;
+    EXPECT_TRUE(meter.Measure(image.View(), image.blob_, &centre));
+    return centre.saturated_behind;
+  };
+  const Eigen::Vector2d at(31, 33);
+  EXPECT_EQ(saturated(DiscImage(at, 8, 1, Flat)), 0);
+  EXPECT_GT(saturated(DiscImage(at, 8, 1, [](int, int) { return 255.0; })), 0.99);
+  const double half = saturated(DiscImage(at, 8, 1, [](int x, int) { return x < 31 ? 255. : 10; }));
+  EXPECT_GT(half, 0.4);
+  EXPECT_LT(half, 0.8);
+}
+
 TEST(MarkerMeter, AnotherDiscBesideItMovesLittle) {
   MarkerMeter meter;
   const Eigen::Vector2d true_px(28.2, 32.6);

@@ -22,6 +22,10 @@ constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, k
                  kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
 // Where it is as bright all around, as before a window, some of that is seen past the marker.
 constexpr double kPastMarker = 0.5;
+// Less than half of a disc that a straight edge leaves has axes of at most 0.53, that a corner
+// leaves, of 0.73.
+constexpr double kMostOfSmall = 0.5, kRoundAxes = 0.82;
+constexpr int kLeastRoundPx = 20;
 constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 1.5;
 // Of a sliver, blurred with what is around: as shares of the way from there to a whole marker.
 constexpr double kLeastSliverContrast = 50;  // grey levels, of a marker
@@ -45,6 +49,14 @@ void Count(int x, int y, ComponentSums* sums) {
 }
 
 }  // namespace
+
+bool IsSmallThing(double share, const Blob& blob) {
+  if (share > kMostOfSmall || blob.area_px < kLeastRoundPx) return false;
+  const Eigen::Matrix2d& second = blob.second_moment_px2;
+  const double half = 0.5 * second.trace();
+  const double root = std::sqrt(std::max(0.0, half * half - second.determinant()));
+  return half - root > kRoundAxes * kRoundAxes * (half + root);
+}
 
 std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vector2d& centre_px,
                                       double radius_px, const Eigen::Vector3f& core, bool has_stick,
@@ -155,6 +167,7 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
   part.cost = Squared(part.around / kAroundSigma) +
               kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
   part.blob = ToBlob(sums, image);
+  if (IsSmallThing(part.share, part.blob)) return std::nullopt;
   return part;
 }
 
@@ -228,6 +241,7 @@ std::optional<HiddenPart> LookForSliver(const ImageView& image, const Eigen::Vec
   part.is_sliver = true;
   part.cost = kSliverCost + kSmallCost * std::max(0.0, 1 - part.share / kSmallShare);
   part.blob = ToBlob(sums, image);
+  if (IsSmallThing(part.share, part.blob)) return std::nullopt;
   return part;
 }
 

@@ -19,6 +19,10 @@ struct HiddenPart {
   Blob blob;
 };
 
+// Whether a part, that is such a share of a marker's disc, is rather a smaller round thing that is
+// seen as a whole: what hides a marker leaves no such part.
+bool IsSmallThing(double share, const Blob& blob);
+
 // What is seen of a marker that must be at `centre_px` with `radius_px` and looks like `core` (by
 // channel). None where nothing of that look is there, or more than a marker of it. `has_stick`,
 // between the others: then it may be as thin as the rim of something brighter. `work`: pixels that

@@ -163,7 +163,7 @@ class PartSearch {
     const double area_px = std::numbers::pi * radius_px * radius_px;
     for (const Blob& blob : known_parts_) {
       if ((blob.centre_px - centre_px).norm() > radius_px ||
-          blob.area_px > kLargestPart * area_px ||
+          blob.area_px > kLargestPart * area_px || IsSmallThing(blob.area_px / area_px, blob) ||
           (blob.centre_px - a.blob.centre_px).norm() < radius_px ||
           (blob.centre_px - b.blob.centre_px).norm() < radius_px) {
         continue;

@@ -137,6 +137,29 @@ bool SeesPartWithBar(double half_width_px) {
   return LookForPart(view, {50, 50}, kRadius, {40, 110, 200}, true, &work).has_value();
 }
 
+// What is within `centre` and `radius_px`, and right of `from_x`, of a marker in the middle.
+bool SeesDisc(const Eigen::Vector2d& centre, double radius_px, double from_x) {
+  std::vector<uint8_t> pixels(size_t{3} * 100 * 100, 12);
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      if (x < from_x || (Eigen::Vector2d(x, y) - centre).norm() > radius_px) continue;
+      uint8_t* const pixel = &pixels[3 * (static_cast<size_t>(y) * 100 + static_cast<size_t>(x))];
+      pixel[0] = 40, pixel[1] = 110, pixel[2] = 200;
+    }
+  }
+  const ImageView view{pixels.data(), 100, 100, 300, PixelFormat::kBgr8};
+  double work = 3000;
+  return LookForPart(view, {50, 50}, kRadius, {40, 110, 200}, true, &work).has_value();
+}
+
+// What hides a marker has an edge: it leaves less than half of it long and narrow.
+TEST(LookForPart, ASmallerDiscIsNone) {
+  EXPECT_TRUE(SeesDisc({50, 50}, kRadius, 52));
+  EXPECT_TRUE(SeesDisc({50, 50}, 0.75 * kRadius, 0));
+  EXPECT_FALSE(SeesDisc({50, 50}, 0.5 * kRadius, 0));
+  EXPECT_FALSE(SeesDisc({52, 51}, 0.5 * kRadius, 0));
+}
+
 // A stick does, too, but not so wide: it would be taken for the marker in the middle.
 TEST(LookForPart, WhatGoesOnIsNone) {
   EXPECT_TRUE(SeesPartWithBar(4));

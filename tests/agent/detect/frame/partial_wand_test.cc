@@ -125,6 +125,31 @@ TEST(PartialWand, TheMorePlacesWereTriedTheSurerItMustBe) {
   EXPECT_LT(least, 1);
 }
 
+// Of a wand of which the third sphere is hidden, but for its right half or for a smaller disc in
+// its place.
+bool FindsTwoAnd(bool half) {
+  FrameRenderOptions room = RoomWithStick();
+  room.rod_m = 0;
+  RenderedWand scene(room);
+  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.2, 0.3, 1.2}, {1, 0, 0.1}));
+  const Eigen::Vector2d& at = truth.markers[2].centre_px;
+  const auto x0 = static_cast<int>(at.x()), y0 = static_cast<int>(at.y());
+  const double radius_px = truth.markers[2].radius_px;
+  for (int y = y0 - 20; y <= y0 + 20; ++y) {
+    for (int x = x0 - 20; x <= x0 + 20; ++x) {
+      const bool is_seen = half ? x > x0 : std::hypot(x - x0, y - y0) < 0.5 * radius_px;
+      if (!is_seen) scene.Fill(x, y, 1, 1, 30, 30, 30);
+    }
+  }
+  const auto seen = Detected(scene);
+  return seen && seen->markers[0].visible && seen->markers[1].visible;
+}
+
+TEST(PartialWand, ASmallerDiscIsNoPartOfASphere) {
+  EXPECT_TRUE(FindsTwoAnd(true));
+  EXPECT_FALSE(FindsTwoAnd(false));
+}
+
 // In a lit room with other things of their colour two small spheres, or labels (`square`), and half
 // of a third.
 bool FindsTwoAndAHalf(bool square) {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "agent/detect/blobs/blob_contrast.h"
+#include "agent/identify/alike_row.h"
 #include "agent/identify/outlined_centres.h"
 #include "agent/identify/overlapping_markers.h"
 #include "agent/identify/partial_evidence.h"
@@ -49,7 +50,8 @@ constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
 constexpr double kExcused = 0.75;  // of lopsidedness
 constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostMisfit = 2.5;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
-constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
+constexpr double kRowEvidence = 4;         // against a wand in a row of things that look like it
+constexpr double kOffOutlineSigma = 0.08;  // of the sectors
 constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
 
 // Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
@@ -391,6 +393,11 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
     wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
   }
   Verdict verdict = Choose();
+  if (verdict.wand && in_room_ && GoesOnAsRow(image, blobs, *verdict.wand)) {
+    verdict.wand->evidence -= kRowEvidence;  // not of its rivals: they are in the row, too
+    verdict.wand->confidence = ConfidenceOf(verdict.wand->cost - verdict.wand->evidence);
+    if (verdict.wand->confidence < min_confidence_) verdict.wand.reset();
+  }
   verdict.measured = count;
   verdict.left_out = markers_.is_out_of_work();
   *work = markers_.work();

@@ -87,6 +87,24 @@ TEST(SearchBudget, WhiteThingsCostMoreInALitRoom) {
   EXPECT_LT(confidence(110, 255, 255, 255), 0.9);
 }
 
+// Slats, keys and labels are in rows.
+TEST(SearchBudget, ARowOfThingsThatGoesOnCostsInALitRoom) {
+  RenderedWand scene;
+  const auto confidence = [&scene](uint8_t room, int x, int y) {
+    scene.Fill(0, 0, 640, 480, room, room, room);
+    AddWand(30, 100, 230, &scene);
+    AddDisc(x, y, 7, 30, 100, 230, &scene);
+    const Detection detection = Find(scene);
+    EXPECT_EQ(detection.outcome, DetectionOutcome::kWand) << x;
+    return detection.confidence;
+  };
+  const double beside = confidence(110, 180, 260);
+  EXPECT_GT(beside, 0.95);
+  EXPECT_LT(confidence(110, 180, 200), beside - 0.03);
+  EXPECT_GT(confidence(110, 180 - 78, 200), beside - 0.01);  // too far away
+  EXPECT_GT(confidence(5, 180, 200), 0.95);
+}
+
 // The stick before a sphere makes its brightness lopsided, but not its outline.
 TEST(SearchBudget, ANotchInARoundSphereCostsLittle) {
   RenderedWand scene;

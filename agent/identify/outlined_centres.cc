@@ -24,9 +24,12 @@ constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 // half of the clipped light is further out.
 constexpr double kClippedError = 0.08;
 constexpr double kHiddenError = 0.5;  // radii, per share of the edge that is elsewhere
-constexpr double kLeastGapPx = 1;
+// Blur joins spheres of one wand that are so near, in widths of the edge, and moves them by so much
+// along the line between them.
+constexpr double kNearGap = 3, kNearPx = 0.05;
 // Where spheres have much less noise than what is around them, that is textured, and so is the half
-// of an edge's pixels that is background: of the variance of the ring around them.
+// of an edge's pixels that is background: of the variance of the ring around them, without that of
+// the outline's model.
 constexpr double kLeastEdgeNoise = 0.55;
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundPx = 0.3;  // of the edge, per step of the background over the contrast
@@ -41,24 +44,11 @@ constexpr int kNotch = 2;                       // sectors that the stick takes
 constexpr double kEvenSteps = 0.1;              // background_steps
 constexpr double kOddPx = 0.04, kOddError = 1;  // of the place, per error of the radius
 constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
-constexpr double kShaded = 8;  // slope_chi_squared of a sphere that is lit from one side
 // Of the slopes' variance by noise, over the root of their number.
 constexpr double kUnknownSlope = 0.5;
 constexpr double kLeastSlope = 0.005;
 constexpr double kEvenLight = 4;  // slope_chi_squared
 constexpr double kWhiteGain = 4;  // half a chi-squared
-
-// Another marker of the wand is so near that blur joins them.
-bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
-  const MarkerCentre& own = wand.centres[marker];
-  for (size_t k = 0; k < wand.centres.size(); ++k) {
-    const MarkerCentre& other = wand.centres[k];
-    const double gap_px =
-        (own.centre_px - other.centre_px).norm() - own.radius_px - other.radius_px;
-    if (k != marker && gap_px < kLeastGapPx + 4 * edge_px) return true;
-  }
-  return false;
-}
 
 // Along the axis on which it is largest, px.
 double SigmaOf(const MarkerCentre& centre) {
@@ -147,28 +137,9 @@ class OutlinedCentres {
     return light;
   }
 
-  // Lit from one side; their centroids are not in the middle.
-  bool IsShaded() const {
-    double chi_squared = 0;
-    int count = 0;
-    for (const auto& outline : fitted_) {
-      if (!outline) continue;
-      chi_squared += outline->slope_chi_squared / ScatterOf(*outline);
-      ++count;
-    }
-    return chi_squared >= kShaded * count;
-  }
-
-  // Of the markers that are not measured by their centroids.
   void FitOutlines() {
-    const bool is_shaded = IsShaded();
     for (size_t k = 0; k < markers_.size(); ++k) {
       if (!fitted_[k]) continue;
-      // Its light reaches the outline, but not the centroid, of which both sides are cut.
-      if (IsCrowded(wand_, k, fitted_[k]->edge_px) ||
-          (!is_shaded && !wand_.outlined[k] && wand_.centres[k].has_neighbour)) {
-        continue;
-      }
       SphereOutline outline = *fitted_[k];
       if (!outline.white && !fitter_.Fit(*markers_[k].pixels, wand_.centres[k].second_moment_px2,
                                          LightOver(ScatterOf(outline)), &outline)) {
@@ -232,7 +203,10 @@ class OutlinedCentres {
     // Of the sectors' mean, by what the background behind them may be.
     const double background_px2 = std::max(Squared(kBackgroundPx * centre.background_steps),
                                            centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
-    const double noise = std::max(scatters_[k].noise, kLeastEdgeNoise);
+    const double around = Squared(centre.noise_grey / std::max(1.0, centre.contrast_grey));
+    const double noise =
+        std::max(scatters_[k].noise,
+                 kLeastEdgeNoise * around / (around + Squared(MarkerMeter::kModelNoise)));
     centre.covariance_px2 = noise / outline.follows * outline.covariance_px2 +
                             kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     // What is not on an ellipse may be hidden in part, or more than was left out.
@@ -246,6 +220,7 @@ class OutlinedCentres {
         wrong_px = std::hypot(wrong_px, kAloneError * outline.radius_px);
       }
     }
+    WidenByNear(k, outline.edge_px);
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
     // Beside something a whole sphere may seem hidden.
@@ -274,6 +249,16 @@ class OutlinedCentres {
       outline = again;
     }
     return outline;
+  }
+
+  void WidenByNear(size_t k, double edge_px) {
+    MarkerCentre& own = wand_.centres[k];
+    for (size_t j = 0; j < wand_.centres.size(); ++j) {
+      const MarkerCentre& other = wand_.centres[j];
+      const Eigen::Vector2d way_px = other.centre_px - own.centre_px;
+      if (j == k || way_px.norm() - own.radius_px - other.radius_px > kNearGap * edge_px) continue;
+      own.covariance_px2 += Squared(kNearPx) * way_px * way_px.transpose() / way_px.squaredNorm();
+    }
   }
 
   // Light from one side is not quite a polynomial. Widens the covariance along the light, and

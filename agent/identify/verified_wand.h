@@ -12,7 +12,6 @@ struct VerifiedWand {
   absl::InlinedVector<int, 3> blobs;             // by marker
   absl::InlinedVector<MarkerCentre, 3> centres;  // by marker
   absl::InlinedVector<bool, 3> whole;       // by marker: neither cut nor occluded nor disturbed
-  absl::InlinedVector<bool, 3> outlined;    // by marker: its outline says so, not its centroid
   absl::InlinedVector<double, 3> px_per_m;  // by marker, across the line of sight; by the pose
   double diameter_m = 0;                    // of the spheres; 0: not known
   WandImageFit fit;

@@ -102,7 +102,7 @@ void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
     if (!IsOnOutline(outline, is_cut) || !(is_cut || IsInBlob(outline->centre_px, blob))) {
       return false;
     }
-    wand->whole[k] = wand->outlined[k] = true;
+    wand->whole[k] = true;
     centre.centre_px = outline->centre_px;
     centre.radius_px = outline->radius_px;
     centre.covariance_px2 = std::max(1.0, Squared(outline->residual)) * outline->covariance_px2;
@@ -134,7 +134,6 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   int alike_count = 0;
   for (size_t k = 0; k < candidate.blobs.size(); ++k) {
     const int index = candidate.blobs[k];
-    wand.outlined.push_back(false);
     if (static_cast<int>(k) == candidate.partial) {
       wand.centres.emplace_back().centre_px = blobs[static_cast<size_t>(index)].centre_px;
       wand.whole.push_back(false);

@@ -60,11 +60,12 @@ class ThreeSpheres {
       MarkerCentre measured;
       measured.centre_px = centre;
       measured.radius_px = kRadius;
+      measured.noise_grey = 200 * kNoise;
+      measured.contrast_grey = 200;
       measured.second_moment_px2 = 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity();
       fitted_ = fitted_ && fitter_.Fit(pixels_[k], measured.second_moment_px2, {}, &outlines_[k]);
       wand_.centres.push_back(measured);
       wand_.whole.push_back(true);
-      wand_.outlined.push_back(false);
       wand_.blobs.push_back(static_cast<int>(k));
       wand_.px_per_m.push_back(400);
     }
@@ -205,19 +206,44 @@ TEST(SetOutlinedCentres, OfTheNoiseAroundTheSpheresHalfAtLeastIsTheirs) {
   textured.SetCentres();
   const double ratio = textured.wand_.centres[1].covariance_px2.trace() /
                        usual.wand_.centres[1].covariance_px2.trace();
-  EXPECT_GT(ratio, 1.6);
+  EXPECT_GT(ratio, 1.2);
   EXPECT_LT(ratio, 2.6);
 }
 
-// Two spheres that touch are measured by their centroids.
+// Without noise nothing says that the background is textured.
+TEST(SetOutlinedCentres, WithoutNoiseAroundTheSpheresTheirOwnCounts) {
+  ThreeSpheres noisy(-100), clean(-100);
+  for (ThreeSpheres* wand : {&noisy, &clean}) {
+    for (OutlinePixels& pixels : wand->pixels_) {
+      for (float& precision : pixels.precision) precision *= 0.5f;
+    }
+    for (SphereOutline& outline : wand->outlines_) outline.pixel_noise *= 0.25;
+  }
+  for (MarkerCentre& centre : clean.wand_.centres) centre.noise_grey = 0.5;
+  noisy.SetCentres();
+  clean.SetCentres();
+  EXPECT_LT(clean.wand_.centres[1].covariance_px2.trace(),
+            0.8 * noisy.wand_.centres[1].covariance_px2.trace());
+}
+
+// By their outlines, which move a little along the line between them.
+TEST(SetOutlinedCentres, SpheresThatNearlyTouchHaveALargerCovarianceAlongTheWand) {
+  ThreeSpheres apart(-100), near(-100);
+  // The middle one is said to be there only.
+  near.wand_.centres[1].centre_px = near.wand_.centres[0].centre_px + Eigen::Vector2d(17.5, 0);
+  apart.SetCentres();
+  near.SetCentres();
+  const MarkerCentre &one = near.wand_.centres[0], &other = apart.wand_.centres[0];
+  EXPECT_LT((one.centre_px - other.centre_px).norm(), 0.01);
+  EXPECT_GT(one.covariance_px2(0, 0), other.covariance_px2(0, 0) + 0.002);
+  EXPECT_LT(one.covariance_px2(1, 1), 1.5 * other.covariance_px2(1, 1));
+}
+
 TEST(SetOutlinedCentres, WithoutOutlinesWhatHidesOneMarkerMayHideTheOthers) {
   const auto sigma_px = [](bool third_is_whole) {
     ThreeSpheres wand(-100);
-    wand.wand_.centres[1].centre_px = wand.wand_.centres[0].centre_px + Eigen::Vector2d(16.5, 0);
     wand.wand_.whole[2] = third_is_whole;
-    OutlinedMarkers markers;
-    for (size_t k = 0; k < 2; ++k) markers.push_back({&wand.outlines_[k], &wand.pixels_[k]});
-    markers.push_back({nullptr, nullptr});
+    const OutlinedMarkers markers(3, {nullptr, nullptr});
     SetOutlinedCentres(markers, &wand.fitter_, &wand.wand_);
     return std::sqrt(wand.wand_.centres[0].covariance_px2(0, 0));
   };

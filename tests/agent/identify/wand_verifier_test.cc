@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/wand_verifier.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "tests/agent/identify/paper_wand_view.h"
+
+namespace rigcal::agent::wand_verifier_test {
+namespace {
+
+// At 4 m, across the line of sight.
+constexpr double kRadiusPx = 5, kFirstX = 250.3, kY = 240.2;
+constexpr std::array<double, 3> kAlongPx = {0, 32.5, 97.5};
+
+// Of a wand whose first sphere looks smaller than the others, before `behind_first`.
+std::optional<VerifiedWand> Verified(double first_radius_px, double behind_first) {
+  const std::array<double, 3> colour = {40, 95, 175},
+                              radii_px = {first_radius_px, kRadiusPx, kRadiusPx};
+  std::vector<uint8_t> pixels;
+  for (int y = 0; y < kViewHeight; ++y) {
+    for (int x = 0; x < kViewWidth; ++x) {
+      double share = 0;
+      for (size_t k = 0; k < radii_px.size(); ++k) {
+        const double outside_px = std::hypot(x - kFirstX - kAlongPx[k], y - kY) - radii_px[k];
+        share += 0.5 * std::erfc(outside_px / (0.6 * std::sqrt(2.0)));
+      }
+      const double behind = x < kFirstX + 0.5 * kAlongPx[1] ? behind_first : 12;
+      for (const double grey : colour) {
+        pixels.push_back(static_cast<uint8_t>(std::lround(share * grey + (1 - share) * behind)));
+      }
+    }
+  }
+  const ImageView image{pixels.data(), kViewWidth, kViewHeight, 3 * kViewWidth, PixelFormat::kBgr8};
+  std::vector<Blob> blobs;
+  for (size_t k = 0; k < radii_px.size(); ++k) {
+    Blob& blob = blobs.emplace_back();
+    blob.centre_px = {kFirstX + kAlongPx[k], kY};
+    blob.second_moment_px2 = 0.25 * radii_px[k] * radii_px[k] * Eigen::Matrix2d::Identity();
+    blob.area_px = static_cast<int>(3.14 * radii_px[k] * radii_px[k]);
+  }
+  const WandFinder finder({}, PaperWand(), ViewCamera());
+  const WandCandidate candidate{.blobs = {0, 1, 2}};
+  WandVerifier verifier(0.02);
+  verifier.StartImage();
+  verifier.RequireContrast(14);
+  double work = 1e6;
+  return verifier.Verify(image, blobs, finder, {&candidate, 1}, 1, false, &work).wand;
+}
+
+TEST(WandVerifier, SpheresOfOneSizeFitTheirPose) {
+  const auto wand = Verified(kRadiusPx, 12);
+  ASSERT_TRUE(wand.has_value());
+  EXPECT_LT(wand->fit.cost, 1);
+  const auto smaller = Verified(3.9, 12);
+  EXPECT_TRUE(!smaller || smaller->fit.cost > 4);
+}
+
+// Pixels that the background reaches into are as white as it is, so the outline is further in.
+TEST(WandVerifier, ASphereBeforeASaturatedBackgroundMayLookSmaller) {
+  const auto wand = Verified(3.9, 255);
+  ASSERT_TRUE(wand.has_value());
+  EXPECT_LT(wand->fit.cost, 1.5);
+}
+
+}  // namespace
+}  // namespace rigcal::agent::wand_verifier_test

@@ -144,12 +144,12 @@ TEST(SetOutlinedCentres, AnArcThatIsNotOnAnEllipseHasALargerCovariance) {
 // may look like that.
 TEST(SetOutlinedCentres, AnArcThatTellsNothingIsLeftOut) {
   for (const bool is_beside : {false, true}) {
-    ThreeSpheres wand(-2);
-    AddWaves(0.3, 160, &wand.pixels_[2]);
+    ThreeSpheres wand(-4.8);
+    AddWaves(0.08, 160, &wand.pixels_[2]);
     ASSERT_TRUE(wand.fitter_.Fit(wand.pixels_[2],
                                  0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
                                  &wand.outlines_[2]));
-    wand.wand_.centres[2].has_neighbour = is_beside;
+    wand.wand_.centres[2].background_steps = is_beside ? 0.2 : 0;
     wand.SetCentres();
     EXPECT_EQ(wand.wand_.whole[2], is_beside) << wand.wand_.centres[2].covariance_px2;
     EXPECT_TRUE(wand.wand_.whole[0]);

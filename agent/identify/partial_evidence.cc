@@ -24,6 +24,8 @@ constexpr double kUnresolvedEvidence = 0.6;
 constexpr double kOutlineEvidence = 17, kMisfitEvidence = 40, kOffOutlineEvidence = 34;
 // The same of all three of a whole wand, which has more to say for it.
 constexpr double kWholeMisfitEvidence = 10, kUsualSum = 0.45;
+// Of the colours of a whole one, beyond what noise and surroundings make.
+constexpr double kFreeColour = 5, kMostColourEvidence = 5, kClippedGrey = 235;
 constexpr double kMostMiddleTilt = 1.25, kThinShare = 0.05, kMostThinCost = 7;
 constexpr double kUsualMisfit = 0.5, kMostPartMisfit = 0.3, kMostOffShare = 0.25;
 
@@ -67,6 +69,14 @@ double OutlineEvidence(absl::Span<const OutlineMatch> outlines) {
   const auto [misfit, off] = SumsOf(outlines);
   return kOutlineEvidence - kMisfitEvidence * misfit -
          kOffOutlineEvidence * std::min(kMostOffShare, off);
+}
+
+double ColourEvidence(const VerifiedWand& wand) {
+  for (const MarkerCentre& centre : wand.centres) {
+    if (centre.plateau_grey.maxCoeff() > kClippedGrey) return 0;
+  }
+  const double cost = Squared(ColourDifference(wand) / kLikeColour) - kFreeColour;
+  return -std::clamp(cost, 0.0, kMostColourEvidence);
 }
 
 double WholeOutlineEvidence(absl::Span<const OutlineMatch> outlines) {

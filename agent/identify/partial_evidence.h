@@ -29,7 +29,12 @@ struct OutlineMatch {
 // slats are hardly ever spheres as exactly, or stand out less.
 double OutlineEvidence(absl::Span<const OutlineMatch> outlines);
 
-// The same of all outlines of a wand of which no marker is hidden, at most 0.
+// What the colours of a wand of which no marker is hidden add in a lit room, at most 0: its LEDs
+// are of one colour, within 0.067 rad for 99.5 % of rendered wands; labels of books are not.
+// Clipped channels say nothing.
+double ColourEvidence(const VerifiedWand& wand);
+
+// What the outlines add of a wand of which no marker is hidden, at most 0.
 double WholeOutlineEvidence(absl::Span<const OutlineMatch> outlines);
 
 }  // namespace rigcal::agent

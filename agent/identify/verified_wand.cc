@@ -11,6 +11,7 @@ constexpr double kBrightnessSigma = 0.2, kDarkBrightnessSigma = 0.4;  // of its 
 constexpr double kColourSigma = 0.12;                                 // rad
 constexpr double kSkewness = 0.012;
 constexpr double kWhiteGrey = 240;
+constexpr double kUnresolvedCost = 2.7;              // per pixel of the radius
 constexpr double kTiltCost = 4;                      // of the logarithm of its cosine
 constexpr double kSamePlace = 0.8, kSamePart = 1.3;  // of a radius
 
@@ -68,6 +69,18 @@ double ColourDifference(const VerifiedWand& wand) {
     }
   }
   return largest;
+}
+
+double UnresolvedCost(const VerifiedWand& wand) {
+  double radius_px = 0;
+  int count = 0;
+  for (size_t k = 0; k < wand.whole.size(); ++k) {
+    if (!wand.whole[k]) continue;
+    radius_px += wand.centres[k].radius_px;
+    ++count;
+  }
+  if (count == 0) return 0;
+  return kUnresolvedCost * std::max(0.0, kResolvedPx - radius_px / count);
 }
 
 bool IsWhite(const VerifiedWand& wand) {

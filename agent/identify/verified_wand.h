@@ -25,6 +25,9 @@ struct VerifiedWand {
   int OccludedCount() const;
 };
 
+// Of the radius of a marker that looks like nothing else.
+inline constexpr double kResolvedPx = 5.5;
+
 // Cost of an occluded marker, in chi-squared.
 inline constexpr double kOccludedCost = 7.5;
 
@@ -37,6 +40,8 @@ double Lopsidedness(const VerifiedWand& wand);
 double Unlikeness(const VerifiedWand& wand, bool in_room);
 // Of all directions few are nearly along the line of sight.
 double TiltCost(double tilt_rad);
+// Two small spheres look like any two small things, such as labels on books.
+double UnresolvedCost(const VerifiedWand& wand);
 // The largest between two markers that were measured, in rad.
 double ColourDifference(const VerifiedWand& wand);
 double MeanBrightness(const VerifiedWand& wand);  // grey levels, over all channels

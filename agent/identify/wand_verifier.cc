@@ -24,7 +24,6 @@ constexpr double kSmallerPx = 0.8, kSmallerSigmaPx = 1, kSaturatedPlacePx = 0.5;
 constexpr double kHalfCost = 11.5, kCostScale = 2.5;  // confidence 0.5
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.15, kFewTried = 20;
-constexpr double kResolvedPx = 5.5, kUnresolvedCost = 2.7;  // per pixel of the radius
 constexpr double kWhiteCost = 6;
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kTooAlike = 0.5;    // for its outline to be seen
@@ -71,19 +70,6 @@ bool IsInBlob(const Eigen::Vector2d& centre_px, const Blob& blob) {
 double Misfit(const MarkerCentre& centre, const SphereOutline& outline) {
   const double noise = centre.noise_grey / centre.contrast_grey;
   return outline.residual * std::hypot(noise, kMeterNoise) / std::hypot(noise, kOutlineNoise);
-}
-
-// Two small spheres look like any two small things, such as labels on books.
-double UnresolvedCost(const VerifiedWand& wand) {
-  double radius_px = 0;
-  int count = 0;
-  for (size_t k = 0; k < wand.whole.size(); ++k) {
-    if (!wand.whole[k]) continue;
-    radius_px += wand.centres[k].radius_px;
-    ++count;
-  }
-  if (count == 0) return 0;
-  return kUnresolvedCost * std::max(0.0, kResolvedPx - radius_px / count);
 }
 
 }  // namespace
@@ -343,7 +329,8 @@ double WandVerifier::EvidenceOfOutlines(const ImageView& image, const VerifiedWa
     matches.emplace_back();
     if (outline) matches.back() = {Misfit(wand.centres[k], *outline), outline->off_outline};
   }
-  return wand.has_part ? OutlineEvidence(matches) : WholeOutlineEvidence(matches);
+  return wand.has_part ? OutlineEvidence(matches)
+                       : WholeOutlineEvidence(matches) + ColourEvidence(wand);
 }
 
 bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {

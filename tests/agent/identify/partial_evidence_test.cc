@@ -104,6 +104,16 @@ TEST(OutlineEvidence, WhatFitsWorseIsLess) {
   EXPECT_DOUBLE_EQ(OutlineEvidence({{5, 1}, {5, 1}}), OutlineEvidence({{1, 0.25}, {1, 0}}));
 }
 
+TEST(ColourEvidence, IsLessOfMarkersOfDifferentColours) {
+  EXPECT_DOUBLE_EQ(ColourEvidence(Wand(0.06)), 0);
+  EXPECT_LT(ColourEvidence(Wand(0.08)), -1.5);
+  EXPECT_LT(ColourEvidence(Wand(0.1)), -4);
+  EXPECT_GT(ColourEvidence(Wand(0.5)), -6);
+  VerifiedWand clipped = Wand(0.1);
+  clipped.centres[0].plateau_grey.x() = 250;
+  EXPECT_DOUBLE_EQ(ColourEvidence(clipped), 0);
+}
+
 TEST(WholeOutlineEvidence, IsLessOfThreeThatAllFitBadly) {
   const OutlineMatch good{0.55, 0}, rough{0.75, 0.05}, none;
   EXPECT_DOUBLE_EQ(WholeOutlineEvidence({good, good, good}), 0);

@@ -87,6 +87,23 @@ TEST(SearchBudget, WhiteThingsCostMoreInALitRoom) {
   EXPECT_LT(confidence(110, 255, 255, 255), 0.9);
 }
 
+// LEDs of one wand are of one colour; labels of books are not.
+TEST(SearchBudget, ColoursThatDifferCostInALitRoom) {
+  RenderedWand scene;
+  const auto confidence = [&scene](uint8_t room, uint8_t green) {
+    scene.Fill(0, 0, 640, 480, room, room, room);
+    AddWand(70, 120, 200, &scene);
+    AddDisc(259, 200, 7, 70, green, 200, &scene);
+    const Detection detection = Find(scene);
+    EXPECT_EQ(detection.outcome, DetectionOutcome::kWand) << int{green};
+    return detection.confidence;
+  };
+  const double alike = confidence(110, 120);
+  EXPECT_GT(confidence(110, 130), alike - 0.01);
+  EXPECT_LT(confidence(110, 150), alike - 0.04);
+  EXPECT_GT(confidence(5, 150), alike - 0.02);
+}
+
 // Slats, keys and labels are in rows.
 TEST(SearchBudget, ARowOfThingsThatGoesOnCostsInALitRoom) {
   RenderedWand scene;

@@ -59,9 +59,6 @@ struct MarkerCentre {
 // follows the centroid until it converges.
 class MarkerMeter {
  public:
-  // One sigma of the outline's model, in units of coverage: what CollectPixels adds to the noise.
-  static constexpr double kModelNoise = 0.015;
-
   // Another image: whether it has a mosaic is found again.
   void StartImage() {
     mosaic_.reset();

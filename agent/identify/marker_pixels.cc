@@ -15,6 +15,7 @@ namespace {
 // place than much that is clipped.
 constexpr double kLeastUnsaturated = 0.25, kLeastUnsaturatedGrey = 40;
 constexpr double kLeastEvenGrey = 15, kLeastEvenNoises = 8, kLeastEvenSteps = 8;
+constexpr double kModelNoise = 0.015;  // of the outline's model, in units of coverage
 constexpr int kMosaicTries = 3;        // of an image
 constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
 constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole

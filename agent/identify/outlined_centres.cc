@@ -24,12 +24,11 @@ constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 // half of the clipped light is further out.
 constexpr double kClippedError = 0.08;
 constexpr double kHiddenError = 0.5;  // radii, per share of the edge that is elsewhere
-// Blur joins spheres of one wand that are so near, in widths of the edge, and moves them by so much
-// along the line between them.
-constexpr double kNearGap = 3, kNearPx = 0.05;
+// Spheres of one wand that are so near, in widths of the edge, are joined by blur, or overlap in
+// the image. That moves them by so much along the line between them: at least, and of the overlap.
+constexpr double kNearGap = 3, kNearPx = 0.05, kOverlapShare = 0.025;
 // Where spheres have much less noise than what is around them, that is textured, and so is the half
-// of an edge's pixels that is background: of the variance of the ring around them, without that of
-// the outline's model.
+// of an edge's pixels that is background: of the variance of the ring around them.
 constexpr double kLeastEdgeNoise = 0.55;
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundPx = 0.3;  // of the edge, per step of the background over the contrast
@@ -203,10 +202,7 @@ class OutlinedCentres {
     // Of the sectors' mean, by what the background behind them may be.
     const double background_px2 = std::max(Squared(kBackgroundPx * centre.background_steps),
                                            centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
-    const double around = Squared(centre.noise_grey / std::max(1.0, centre.contrast_grey));
-    const double noise =
-        std::max(scatters_[k].noise,
-                 kLeastEdgeNoise * around / (around + Squared(MarkerMeter::kModelNoise)));
+    const double noise = std::max(scatters_[k].noise, kLeastEdgeNoise);
     centre.covariance_px2 = noise / outline.follows * outline.covariance_px2 +
                             kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     // What is not on an ellipse may be hidden in part, or more than was left out.
@@ -256,8 +252,10 @@ class OutlinedCentres {
     for (size_t j = 0; j < wand_.centres.size(); ++j) {
       const MarkerCentre& other = wand_.centres[j];
       const Eigen::Vector2d way_px = other.centre_px - own.centre_px;
-      if (j == k || way_px.norm() - own.radius_px - other.radius_px > kNearGap * edge_px) continue;
-      own.covariance_px2 += Squared(kNearPx) * way_px * way_px.transpose() / way_px.squaredNorm();
+      const double gap_px = way_px.norm() - own.radius_px - other.radius_px;
+      if (j == k || gap_px > kNearGap * edge_px) continue;
+      const double moved_px = std::max(kNearPx, -kOverlapShare * gap_px);
+      own.covariance_px2 += Squared(moved_px) * way_px * way_px.transpose() / way_px.squaredNorm();
     }
   }
 

@@ -25,7 +25,8 @@ constexpr double kOutlineEvidence = 17, kMisfitEvidence = 40, kOffOutlineEvidenc
 // The same of all three of a whole wand, which has more to say for it.
 constexpr double kWholeMisfitEvidence = 10, kUsualSum = 0.45;
 // Of the colours of a whole one, beyond what noise and surroundings make.
-constexpr double kFreeColour = 5, kMostColourEvidence = 5, kClippedGrey = 235;
+constexpr double kFreeColour = 5, kMostColourEvidence = 5, kClippedGrey = 235,
+                 kLikeClippedColour = 0.06;
 constexpr double kMostMiddleTilt = 1.25, kThinShare = 0.05, kMostThinCost = 7;
 constexpr double kUsualMisfit = 0.5, kMostPartMisfit = 0.3, kMostOffShare = 0.25;
 
@@ -72,10 +73,11 @@ double OutlineEvidence(absl::Span<const OutlineMatch> outlines) {
 }
 
 double ColourEvidence(const VerifiedWand& wand) {
-  for (const MarkerCentre& centre : wand.centres) {
-    if (centre.plateau_grey.maxCoeff() > kClippedGrey) return 0;
-  }
-  const double cost = Squared(ColourDifference(wand) / kLikeColour) - kFreeColour;
+  const bool is_clipped = std::ranges::any_of(wand.centres, [](const MarkerCentre& centre) {
+    return centre.plateau_grey.maxCoeff() > kClippedGrey;
+  });
+  const double sigma = is_clipped ? kLikeClippedColour : kLikeColour;
+  const double cost = Squared(ColourDifference(wand) / sigma) - kFreeColour;
   return -std::clamp(cost, 0.0, kMostColourEvidence);
 }
 

@@ -31,7 +31,7 @@ double OutlineEvidence(absl::Span<const OutlineMatch> outlines);
 
 // What the colours of a wand of which no marker is hidden add in a lit room, at most 0: its LEDs
 // are of one colour, within 0.067 rad for 99.5 % of rendered wands; labels of books are not.
-// Clipped channels say nothing.
+// Clipped channels say less.
 double ColourEvidence(const VerifiedWand& wand);
 
 // What the outlines add of a wand of which no marker is hidden, at most 0.

@@ -112,6 +112,9 @@ TEST(ColourEvidence, IsLessOfMarkersOfDifferentColours) {
   VerifiedWand clipped = Wand(0.1);
   clipped.centres[0].plateau_grey.x() = 250;
   EXPECT_DOUBLE_EQ(ColourEvidence(clipped), 0);
+  VerifiedWand other = Wand(0.2);
+  other.centres[0].plateau_grey *= 1.25;
+  EXPECT_LT(ColourEvidence(other), -4);
 }
 
 TEST(WholeOutlineEvidence, IsLessOfThreeThatAllFitBadly) {

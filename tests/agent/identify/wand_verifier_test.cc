@@ -45,7 +45,8 @@ std::optional<VerifiedWand> Verified(double first_radius_px, double behind_first
     blob.area_px = static_cast<int>(3.14 * radii_px[k] * radii_px[k]);
   }
   const WandFinder finder({}, PaperWand(), ViewCamera());
-  const WandCandidate candidate{.blobs = {0, 1, 2}};
+  WandCandidate candidate;
+  candidate.blobs = {0, 1, 2};
   WandVerifier verifier(0.02);
   verifier.StartImage();
   verifier.RequireContrast(14);

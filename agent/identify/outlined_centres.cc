@@ -36,6 +36,7 @@ constexpr double kNeighbourPx = 0.05;  // of the edge, where something else is n
 // Of arcs: sectors that are known, of which the stick takes some; of what leaving the others out
 // moves the centre.
 constexpr int kLeastKnown = 6;
+constexpr double kLeastOfWhole = 0.97;  // of the radius
 constexpr double kMovedError = 0.15;
 constexpr double kArcError = 0.1, kAloneError = 0.2;  // radii
 constexpr double kVaguePx = 0.5;                // one sigma of an arc's middle that tells nothing
@@ -154,13 +155,18 @@ class OutlinedCentres {
     const FittedOutlines first = outlines_;
     for (size_t k = 0; k < markers_.size(); ++k) {
       if (!outlines_[k]) continue;
-      arcs_[k] = FindVisibleArc(*markers_[k].pixels, wand_.centres[k].second_moment_px2,
-                                LightOver(ScatterOf(*outlines_[k])),
-                                ArcExpectationOf(wand_, first, k), &fitter_, &*outlines_[k]);
+      const ArcExpectation expected = ArcExpectationOf(wand_, first, k);
+      arcs_[k] =
+          FindVisibleArc(*markers_[k].pixels, wand_.centres[k].second_moment_px2,
+                         LightOver(ScatterOf(*outlines_[k])), expected, &fitter_, &*outlines_[k]);
       bool too_little = arcs_[k].hidden_count > kNotch && arcs_[k].known_count < kLeastKnown;
-      // Different things around it, and an edge that is as much on its outline as the others'.
+      // Different things around it, and an edge that is as much on its outline as the others', or
+      // an outline that is not smaller than theirs, as that of half a sphere is.
+      const bool is_as_large = too_little &&
+                               first[k]->radius_px > kLeastOfWhole * expected.radius_px &&
+                               expected.radius_px > 0;
       if ((!arcs_[k].stays || too_little) && !wand_.centres[k].cut &&
-          EdgeRatio(first, k) < kSuspectRatio) {
+          (EdgeRatio(first, k) < kSuspectRatio || is_as_large)) {
         arcs_[k] = VisibleArc();
         outlines_[k] = first[k];
         too_little = false;

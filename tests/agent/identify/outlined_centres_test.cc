@@ -175,6 +175,25 @@ TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItsEdgeIsOnItsOutli
   EXPECT_TRUE(IsWholeBeside(0.3));
 }
 
+// The same of a dent in an outline that is as large as the others': half a sphere's is smaller.
+TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItIsAsLargeAsTheOthers) {
+  ThreeSpheres wand(-100);
+  OutlinePixels& pixels = wand.pixels_[2];
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const double x = static_cast<double>(pixels.x[i]) - 160,
+                 y = static_cast<double>(pixels.y[i]) - 50.3;
+    const double inside_px = kRadius - std::hypot(x, y), turn = std::abs(std::atan2(y, x));
+    const double edge = std::exp(-0.5 * inside_px * inside_px / 0.49) / 1.75;
+    if (turn > 2.4) pixels.coverage[i] -= static_cast<float>(1.3 * edge);
+    if (turn < 1.4) pixels.saturated_behind[i] = 1;
+  }
+  ASSERT_TRUE(wand.fitter_.Fit(pixels, 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
+                               &wand.outlines_[2]));
+  wand.SetCentres();
+  EXPECT_TRUE(wand.wand_.whole[2]);
+  EXPECT_LT((wand.wand_.centres[2].centre_px - Eigen::Vector2d(160, 50.3)).norm(), 0.4);
+}
+
 // What hides a side of a sphere leaves an outline that fits well and is in another place. Blur
 // and perspective make all of them longer.
 TEST(SetOutlinedCentres, AnOutlineThatIsLongerThanTheOthersHasALargerCovariance) {

@@ -77,6 +77,7 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
   measured.tried = measured.retried = measured.by_others = false;
   measured.outline.reset();
   measured.beside.reset();
+  measured.moved_px.setZero();
   measured.good = meter_.Measure(image, seen, &measured.centre) &&
                   measured.centre.contrast_grey >= min_contrast_grey_;
   if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
@@ -200,6 +201,7 @@ void MeasuredMarkers::FitBeside(const ImageView& image, int blob) {
       !fitter_.Fit(retry_, around.second_moment_px2, {}, &again) || !IsOnOutline(again)) {
     return;
   }
+  measured.moved_px = again.centre_px - measured.outline->centre_px;
   measured.outline = again;
   std::swap(measured.pixels, retry_);
 }

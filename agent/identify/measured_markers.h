@@ -23,7 +23,9 @@ struct MeasuredMarker {
   bool tried = false, retried = false;   // to fit
   bool by_others = false;                // with what they say of it
   std::optional<SphereOutline> outline;  // shaded
-  std::optional<Blob> beside;            // another marker that it overlaps with
+  // How far the background right beside it moved it, against what is further away.
+  Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();
+  std::optional<Blob> beside;  // another marker that it overlaps with
 };
 
 // A whole sphere's outline. Beyond the border (`is_cut`) there is nothing to be seen of an outline,

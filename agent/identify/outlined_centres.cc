@@ -31,12 +31,13 @@ constexpr double kNearGap = 3, kNearPx = 0.05, kOverlapShare = 0.025;
 // of an edge's pixels that is background: of the variance of the ring around them.
 constexpr double kLeastEdgeNoise = 0.55;
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
-constexpr double kBackgroundPx = 0.3;  // of the edge, per step of the background over the contrast
+constexpr double kBackgroundPx = 0.2;  // of the edge, per step of the background over the contrast
 constexpr double kNeighbourPx = 0.05;  // of the edge, where something else is near
 // Of arcs: sectors that are known, of which the stick takes some; of what leaving the others out
 // moves the centre.
 constexpr int kLeastKnown = 6;
 constexpr double kLeastOfWhole = 0.97;  // of the radius
+constexpr double kBesideError = 0.9;    // of what the background right beside it moved a centre
 constexpr double kMovedError = 0.15;
 constexpr double kArcError = 0.1, kAloneError = 0.2;  // radii
 constexpr double kVaguePx = 0.5;                // one sigma of an arc's middle that tells nothing
@@ -223,6 +224,8 @@ class OutlinedCentres {
       }
     }
     WidenByNear(k, outline.edge_px);
+    const Eigen::Vector2d moved_px = kBesideError * markers_[k].moved_px;
+    centre.covariance_px2 += moved_px * moved_px.transpose();
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
     // Beside something a whole sphere may seem hidden.

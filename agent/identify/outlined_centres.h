@@ -12,6 +12,7 @@ namespace rigcal::agent {
 struct OutlinedMarker {
   const SphereOutline* outline = nullptr;  // with any slope of the light
   OutlinePixels* pixels = nullptr;         // in which the stick is marked
+  Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();  // MeasuredMarker::moved_px
 };
 using OutlinedMarkers = absl::InlinedVector<OutlinedMarker, 3>;
 

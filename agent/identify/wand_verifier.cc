@@ -339,7 +339,7 @@ bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
     if (!wand->whole[k] || !markers_.OutlineOf(image, wand->blobs[k])) continue;
     markers_.FitBeside(image, wand->blobs[k]);
     MeasuredMarker& measured = markers_.OfBlob(wand->blobs[k]);
-    markers[k] = {&*measured.outline, &measured.pixels};
+    markers[k] = {&*measured.outline, &measured.pixels, measured.moved_px};
   }
   SetOutlinedCentres(markers, markers_.fitter(), wand);
   const size_t seen = wand->blobs.size() - static_cast<size_t>(wand->OccludedCount());

@@ -71,7 +71,7 @@ class ThreeSpheres {
 
   void SetCentres() {
     OutlinedMarkers markers;
-    for (size_t k = 0; k < 3; ++k) markers.push_back({&outlines_[k], &pixels_[k]});
+    for (size_t k = 0; k < 3; ++k) markers.push_back({&outlines_[k], &pixels_[k], moved_px_[k]});
     SetOutlinedCentres(markers, &fitter_, &wand_);
   }
 
@@ -88,6 +88,8 @@ class ThreeSpheres {
   bool fitted_ = true;
   std::array<OutlinePixels, 3> pixels_;
   std::array<SphereOutline, 3> outlines_;
+  std::array<Eigen::Vector2d, 3> moved_px_{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero(),
+                                           Eigen::Vector2d::Zero()};
   SphereOutlineFitter fitter_;
   VerifiedWand wand_;
 };
@@ -151,6 +153,21 @@ TEST(SetOutlinedCentres, AnArcThatTellsNothingIsLeftOut) {
     wand.SetCentres();
     EXPECT_EQ(wand.wand_.whole[2], is_beside) << wand.wand_.centres[2].covariance_px2;
     EXPECT_TRUE(wand.wand_.whole[0]);
+  }
+}
+
+// An edge of the background that ends near a sphere moves its centre by about as much as the choice
+// of the background does, along the same line.
+TEST(SetOutlinedCentres, WhatTheBackgroundBesideItMovedWidensItsCovariance) {
+  ThreeSpheres still(-100), moved(-100);
+  moved.moved_px_[1] = {0.1, 0};
+  still.SetCentres();
+  moved.SetCentres();
+  for (size_t k = 0; k < 3; ++k) {
+    const Eigen::Matrix2d wider =
+        moved.wand_.centres[k].covariance_px2 - still.wand_.centres[k].covariance_px2;
+    EXPECT_NEAR(wider(0, 0), k == 1 ? 0.0081 : 0, 1e-6);
+    EXPECT_NEAR(wider(1, 1), 0, 1e-6);
   }
 }
 

@@ -228,10 +228,13 @@ class OutlinedCentres {
     centre.covariance_px2 += moved_px * moved_px.transpose();
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
-    // Beside something a whole sphere may seem hidden.
+    // Beside something a whole sphere may seem hidden. Two spheres are a wand, one is none.
     const bool is_beside =
         centre.cut || centre.has_neighbour || centre.background_steps > kEvenSteps;
-    if (!arcs_[k].is_all() && !is_beside && SigmaOf(centre) > kVaguePx) wand_.whole[k] = false;
+    if (!arcs_[k].is_all() && !is_beside && wand_.OccludedCount() == 0 &&
+        SigmaOf(centre) > kVaguePx) {
+      wand_.whole[k] = false;
+    }
   }
 
   // With what the others say and with sectors that count as much as their edges are on the outline.

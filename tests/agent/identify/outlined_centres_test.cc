@@ -154,6 +154,15 @@ TEST(SetOutlinedCentres, AnArcThatTellsNothingIsLeftOut) {
     EXPECT_EQ(wand.wand_.whole[2], is_beside) << wand.wand_.centres[2].covariance_px2;
     EXPECT_TRUE(wand.wand_.whole[0]);
   }
+  // Where another marker is hidden already it is one of two, which are a wand.
+  ThreeSpheres pair(-4.8);
+  AddWaves(0.08, 160, &pair.pixels_[2]);
+  ASSERT_TRUE(pair.fitter_.Fit(pair.pixels_[2],
+                               0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
+                               &pair.outlines_[2]));
+  pair.wand_.whole[0] = false;
+  pair.SetCentres();
+  EXPECT_TRUE(pair.wand_.whole[2]);
 }
 
 // An edge of the background that ends near a sphere moves its centre by about as much as the choice

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <numbers>
 
+#include "agent/detect/blobs/disc_pair.h"
 #include "agent/identify/ring_background.h"
 #include "agent/identify/squared.h"
 
@@ -22,9 +23,9 @@ constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, k
                  kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
 // Where it is as bright all around, as before a window, some of that is seen past the marker.
 constexpr double kPastMarker = 0.5;
-// Less than half of a disc that a straight edge leaves has axes of at most 0.53, that a corner
-// leaves, of 0.73.
-constexpr double kMostOfSmall = 0.5, kRoundAxes = 0.82;
+// Less than half of a disc that a straight edge leaves is longer than wide by 0.89 at least, that a
+// corner leaves, by 0.37.
+constexpr double kMostOfSmall = 0.5, kRoundElongation = 0.22;
 constexpr int kLeastRoundPx = 20;
 constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 1.5;
 // Of a sliver, blurred with what is around: as shares of the way from there to a whole marker.
@@ -52,10 +53,7 @@ void Count(int x, int y, ComponentSums* sums) {
 
 bool IsSmallThing(double share, const Blob& blob) {
   if (share > kMostOfSmall || blob.area_px < kLeastRoundPx) return false;
-  const Eigen::Matrix2d& second = blob.second_moment_px2;
-  const double half = 0.5 * second.trace();
-  const double root = std::sqrt(std::max(0.0, half * half - second.determinant()));
-  return half - root > kRoundAxes * kRoundAxes * (half + root);
+  return Elongation(blob) < kRoundElongation;
 }
 
 std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vector2d& centre_px,

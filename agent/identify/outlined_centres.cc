@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/identify/outlined_centres.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -39,24 +38,15 @@ constexpr int kLeastKnown = 6;
 constexpr double kLeastOfWhole = 0.97;  // of the radius
 constexpr double kBesideError = 0.9;    // of what the background right beside it moved a centre
 constexpr double kMovedError = 0.15;
-constexpr double kArcError = 0.1, kAloneError = 0.2;  // radii
-constexpr double kVaguePx = 0.5;                // one sigma of an arc's middle that tells nothing
-constexpr int kNotch = 2;                       // sectors that the stick takes
-constexpr double kEvenSteps = 0.1;              // background_steps
-constexpr double kOddPx = 0.04, kOddError = 1;  // of the place, per error of the radius
+constexpr double kArcError = 0.1, kAloneError = 0.2;   // radii
+constexpr int kNotch = 2;                              // sectors that the stick takes
+constexpr double kOddPx = 0.04, kOddError = 1;         // of the place, per error of the radius
 constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
 // Of the slopes' variance by noise, over the root of their number.
 constexpr double kUnknownSlope = 0.5;
 constexpr double kLeastSlope = 0.005;
 constexpr double kEvenLight = 4;  // slope_chi_squared
 constexpr double kWhiteGain = 4;  // half a chi-squared
-
-// Along the axis on which it is largest, px.
-double SigmaOf(const MarkerCentre& centre) {
-  return std::sqrt(
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(centre.covariance_px2, Eigen::EigenvaluesOnly)
-          .eigenvalues()[1]);
-}
 
 // One sigma of the relative slopes of the light on the wand's spheres, of all light or of their
 // own.
@@ -228,13 +218,6 @@ class OutlinedCentres {
     centre.covariance_px2 += moved_px * moved_px.transpose();
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
-    // Beside something a whole sphere may seem hidden. Two spheres are a wand, one is none.
-    const bool is_beside =
-        centre.cut || centre.has_neighbour || centre.background_steps > kEvenSteps;
-    if (!arcs_[k].is_all() && !is_beside && wand_.OccludedCount() == 0 &&
-        SigmaOf(centre) > kVaguePx) {
-      wand_.whole[k] = false;
-    }
   }
 
   // With what the others say and with sectors that count as much as their edges are on the outline.

@@ -327,7 +327,10 @@ double WandVerifier::EvidenceOfOutlines(const ImageView& image, const VerifiedWa
     if (!wand.whole[k]) continue;
     const auto& outline = markers_.OutlineIn(image, wand, k);
     matches.emplace_back();
-    if (outline) matches.back() = {Misfit(wand.centres[k], *outline), outline->off_outline};
+    if (!outline) continue;
+    // Few large things are round, and dim spheres fit no better, by their noise.
+    const bool is_likely = !wand.has_part && wand.centres[k].radius_px > kResolvedPx;
+    matches.back() = {is_likely ? 0 : Misfit(wand.centres[k], *outline), outline->off_outline};
   }
   return wand.has_part ? OutlineEvidence(matches)
                        : WholeOutlineEvidence(matches) + ColourEvidence(wand);

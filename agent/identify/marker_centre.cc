@@ -33,9 +33,6 @@ constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its 
 constexpr double kArcPx = 3;              // of the background
 constexpr double kFullRadiusPx = 16;      // larger ones are read more coarsely
 
-// Without white.
-Eigen::Vector3f ColourOf(const Eigen::Vector3f& grey) { return grey.array() - grey.mean(); }
-
 // The share of what is left of `range` without white in `above`; 0 where that is too little, and of
 // what is another colour by more than `strange`.
 float ColourShare(const Eigen::Vector3f& above, const Eigen::Vector3f& range, float least,

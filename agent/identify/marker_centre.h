@@ -76,8 +76,9 @@ class MarkerMeter {
 
   // The same of a marker with something else near, whatever was measured last: up to close by the
   // outline of `blob`, against what is right beside it there. False: nothing can be read.
+  // `by_colour`: by its colour without white, which white light on it or behind it does not change.
   bool CollectNear(const ImageView& image, const Blob& blob, const MarkerCentre& centre,
-                   OutlinePixels* pixels);
+                   OutlinePixels* pixels, bool by_colour = false);
 
   // Pixels that a Measure of the blob reads, about.
   static double WorkOf(const Blob& blob);

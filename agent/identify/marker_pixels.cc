@@ -20,6 +20,8 @@ constexpr int kMosaicTries = 3;        // of an image
 constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
 constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
 constexpr float kMostWhite = 6;
+constexpr double kColourNoise = 1.5;  // interpolated channels share theirs
+constexpr double kLeastColourNoises = 3;
 constexpr double kRimPx = 5;         // further inside every fifth pixel is enough
 constexpr double kInsideStep = 5.3;  // not in step with a mosaic
 constexpr double kEnoughPixels = 700;
@@ -67,6 +69,7 @@ struct MarkerMeter::Collection {
   double reach_px;     // beyond the aperture's ellipse
   double model_noise;  // in units of coverage
   bool near;           // also beside something else, and where the background is brighter
+  bool by_colour;      // without white
 };
 
 void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, OutlinePixels* pixels) {
@@ -77,11 +80,14 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
   const auto precision = static_cast<float>(1 / std::hypot(noise, how.model_noise));
   const auto single_noise = static_cast<float>(kMosaicNoise * centre.noise_grey);
   const auto model_noise = static_cast<float>(how.model_noise);
+  const auto colour_noise = static_cast<float>(kColourNoise * centre.noise_grey);
+  const auto least_colour = static_cast<float>(kLeastColourNoises * centre.noise_grey);
   const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
   // Saturation hides shading, which then moves the edge.
   const UsedChannels channels = ChannelsToUse(how.background, centre);
   const Eigen::Vector3f& used = channels.used;
   pixels->clipped = channels.clipped;
+  pixels->by_colour = how.by_colour;
   const auto least = static_cast<float>(channels.least_grey);
   if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
     mosaic_ = FindMosaic(image, how.window.rect);
@@ -110,6 +116,15 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
                const Eigen::Vector3f background = how.background.At(d, &arc);
                const Eigen::Vector3f above = GreyAt(image, x, y) - background;
                Eigen::Vector3f range = plateau - background;
+               if (how.by_colour) {
+                 const Eigen::Vector3f colour = ColourOf(range);
+                 const float squared = colour.squaredNorm();
+                 if (squared < least_colour * least_colour) return;
+                 pixels->Add(at_x, at_y, above.dot(colour) / squared,
+                             1 / std::hypot(colour_noise / std::sqrt(squared), model_noise), 1,
+                             background.maxCoeff() >= kSaturatedGrey);
+                 return;
+               }
                if (!mosaic_) {
                  range = range.cwiseProduct(used);
                  const float squared = range.squaredNorm();
@@ -136,12 +151,12 @@ void MarkerMeter::CollectPixels(const ImageView& image, const MarkerCentre& cent
   if (!has_measured_) return;
   AddPixels(image,
             {*outlined_, centre, background_, window_,
-             MarkerAperture::kMarginPx + MarkerAperture::kGapPx, kModelNoise, false},
+             MarkerAperture::kMarginPx + MarkerAperture::kGapPx, kModelNoise, false, false},
             pixels);
 }
 
 bool MarkerMeter::CollectNear(const ImageView& image, const Blob& blob, const MarkerCentre& centre,
-                              OutlinePixels* pixels) {
+                              OutlinePixels* pixels, bool by_colour) {
   pixels->Clear();
   const MarkerAperture aperture(blob);
   const PixelGrid window = GridAround(image, aperture, aperture.a + kBesidePx + kBesideWidthPx + 1);
@@ -150,7 +165,8 @@ bool MarkerMeter::CollectNear(const ImageView& image, const Blob& blob, const Ma
                     {kBesidePx, kBesideWidthPx, kBesideArcPx}, nullptr)) {
     return false;
   }
-  AddPixels(image, {aperture, centre, beside_, window, kBesidePx, kBesideNoise, true}, pixels);
+  AddPixels(image, {aperture, centre, beside_, window, kBesidePx, kBesideNoise, true, by_colour},
+            pixels);
   return true;
 }
 

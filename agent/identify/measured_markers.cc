@@ -19,8 +19,11 @@ constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
 constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
 constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
 constexpr int kNearRounds = 2;
-constexpr double kUnevenBackground = 0.04;  // steps, of the contrast
-constexpr double kMostEdgePx = 1;           // the blur of a softer one reaches what is beside it
+// Contrast, of the brightness: what is behind it is bright, too.
+constexpr double kPale = 0.66;
+constexpr double kClearlySeen = 0.85, kMoreSeen = 0.2;  // of an edge
+constexpr double kUnevenBackground = 0.04;              // steps, of the contrast
+constexpr double kMostEdgePx = 1;  // the blur of a softer one reaches what is beside it
 // What the other spheres say of one.
 constexpr double kByOthersRadiusPx = 0.1, kByOthersRadiusShare = 0.03, kOtherStretch = 0.03,
                  kOtherEdgePx2 = 0.3;
@@ -35,6 +38,10 @@ bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut) {
   return outline->on_outline >= (is_cut ? kLeastOfCutOutline : least) &&
          outline->off_outline <= (is_cut ? kMostOffCutOutline : kMostOffOutline) &&
          outline->stretch.norm() <= kMostStretch + kMostStretchPx / outline->radius_px;
+}
+
+bool IsClearlySeen(const std::optional<SphereOutline>& outline) {
+  return outline && outline->on_outline >= kClearlySeen;
 }
 
 void MeasuredMarkers::StartImage() {
@@ -75,7 +82,9 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
   measured.blob_px = seen.centre_px;
   measured.blob_area_px = seen.area_px;
   measured.tried = measured.retried = measured.by_others = false;
+  measured.tried_colour = measured.is_coloured = false;
   measured.outline.reset();
+  measured.coloured.reset();
   measured.beside.reset();
   measured.moved_px.setZero();
   measured.good = meter_.Measure(image, seen, &measured.centre) &&
@@ -185,11 +194,53 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineIn(const ImageView& 
   return measured.outline;
 }
 
+const std::optional<SphereOutline>& MeasuredMarkers::OutlineByColour(const ImageView& image,
+                                                                     int blob) {
+  MeasuredMarker& measured = OfBlob(blob);
+  const MarkerCentre& centre = measured.centre;
+  if (measured.tried_colour || centre.cut || image.format != PixelFormat::kBgr8 ||
+      centre.contrast_grey > kPale * centre.plateau_grey.norm() ||
+      !MayWork(kWorkOfFit * kNearRounds)) {
+    return measured.coloured;
+  }
+  measured.tried_colour = true;
+  Blob around;
+  around.centre_px = centre.centre_px;
+  around.second_moment_px2 = centre.second_moment_px2;
+  SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
+  OutlinePixels& pixels = measured.coloured_pixels;
+  for (int round = 0; round < kNearRounds; ++round) {
+    outline.parameters.setZero();
+    if (!meter_.CollectNear(image, around, centre, &pixels, true)) return measured.coloured;
+    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &pixels);
+    if (!fitter_.Fit(pixels, around.second_moment_px2, {}, &outline)) return measured.coloured;
+    around.centre_px = outline.centre_px;
+    around.second_moment_px2 = outline.SecondMoment();
+  }
+  if (IsOnOutline(outline)) measured.coloured = outline;
+  return measured.coloured;
+}
+
+void MeasuredMarkers::TakeColour(int blob) {
+  MeasuredMarker& measured = OfBlob(blob);
+  measured.outline = measured.coloured;
+  measured.is_coloured = true;
+  std::swap(measured.pixels, measured.coloured_pixels);
+}
+
+void MeasuredMarkers::PreferColour(const ImageView& image, int blob) {
+  const MeasuredMarker& measured = OfBlob(blob);
+  if (!measured.outline || measured.is_coloured || IsClearlySeen(measured.outline)) return;
+  const auto seen = [](const SphereOutline& one) { return one.on_outline - one.off_outline; };
+  const auto& coloured = OutlineByColour(image, blob);
+  if (coloured && seen(*coloured) > seen(*measured.outline) + kMoreSeen) TakeColour(blob);
+}
+
 void MeasuredMarkers::FitBeside(const ImageView& image, int blob) {
   MeasuredMarker& measured = OfBlob(blob);
   const MarkerCentre& centre = measured.centre;
   if (!measured.outline || centre.has_neighbour || measured.beside || measured.by_others ||
-      centre.cut || centre.background_steps < kUnevenBackground ||
+      measured.is_coloured || centre.cut || centre.background_steps < kUnevenBackground ||
       measured.outline->edge_px > kMostEdgePx) {
     return;
   }

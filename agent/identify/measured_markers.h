@@ -23,6 +23,10 @@ struct MeasuredMarker {
   bool tried = false, retried = false;   // to fit
   bool by_others = false;                // with what they say of it
   std::optional<SphereOutline> outline;  // shaded
+  // By its colour without white (OutlineByColour), and whether it is the outline now.
+  std::optional<SphereOutline> coloured;
+  OutlinePixels coloured_pixels;
+  bool tried_colour = false, is_coloured = false;
   // How far the background right beside it moved it, against what is further away.
   Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();
   std::optional<Blob> beside;  // another marker that it overlaps with
@@ -31,6 +35,9 @@ struct MeasuredMarker {
 // A whole sphere's outline. Beyond the border (`is_cut`) there is nothing to be seen of an outline,
 // but nothing else either.
 bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut = false);
+
+// Nearly all around.
+bool IsClearlySeen(const std::optional<SphereOutline>& outline);
 
 // Measures the blobs of an image as markers, each once, within a budget: centres by their pixels,
 // outlines where those are asked for. One thread at a time.
@@ -57,6 +64,13 @@ class MeasuredMarkers {
   // cannot be told from what is around it.
   const std::optional<SphereOutline>& OutlineIn(const ImageView& image, const VerifiedWand& wand,
                                                 size_t marker);
+  // The outline of its colour without white, where it is pale against what is behind it, if that is
+  // a whole sphere's: white light on it leaves a part of its edge as bright as what is behind.
+  const std::optional<SphereOutline>& OutlineByColour(const ImageView& image, int blob);
+  // Makes that its outline.
+  void TakeColour(int blob);
+  // The same where clearly more of it is seen so.
+  void PreferColour(const ImageView& image, int blob);
   // Fits the outline again, against what is right beside it, where that differs around the marker.
   void FitBeside(const ImageView& image, int blob);
   SphereOutlineFitter* fitter() { return &fitter_; }

@@ -265,7 +265,7 @@ void OutlinePixels::Clear() {
   for (auto* values : {&x, &y, &coverage, &precision, &white}) values->clear();
   saturated_behind.clear();
   stick_side.clear();
-  clipped = false;
+  clipped = by_colour = false;
 }
 
 void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_precision,

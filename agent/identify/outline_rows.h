@@ -46,6 +46,8 @@ struct OutlinePixels {
   std::vector<uint8_t> stick_side;
   // The coverage is that of saturated channels: how the light differs inside is not seen.
   bool clipped = false;
+  // It is that of colour without white: where channels are interpolated, pixels share their noise.
+  bool by_colour = false;
 
   void Clear();
   void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1,

@@ -29,6 +29,7 @@ constexpr double kNearGap = 3, kNearPx = 0.05, kOverlapShare = 0.025;
 // Where spheres have much less noise than what is around them, that is textured, and so is the half
 // of an edge's pixels that is background: of the variance of the ring around them.
 constexpr double kLeastEdgeNoise = 0.55;
+constexpr double kSharedNoise = 4;  // variance, of interpolated channels: four pixels are one
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundPx = 0.2;  // of the edge, per step of the background over the contrast
 constexpr double kNeighbourPx = 0.05;  // of the edge, where something else is near
@@ -199,7 +200,8 @@ class OutlinedCentres {
     // Of the sectors' mean, by what the background behind them may be.
     const double background_px2 = std::max(Squared(kBackgroundPx * centre.background_steps),
                                            centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
-    const double noise = std::max(scatters_[k].noise, kLeastEdgeNoise);
+    double noise = std::max(scatters_[k].noise, kLeastEdgeNoise);
+    if (markers_[k].pixels->by_colour) noise *= kSharedNoise;
     centre.covariance_px2 = noise / outline.follows * outline.covariance_px2 +
                             kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     // What is not on an ellipse may be hidden in part, or more than was left out.

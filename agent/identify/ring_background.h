@@ -36,6 +36,9 @@ struct PixelGrid {
   }
 };
 
+// Without white: what is left of grey levels by channel.
+inline Eigen::Vector3f ColourOf(const Eigen::Vector3f& grey) { return grey.array() - grey.mean(); }
+
 // Calls visit(number, x, y, offset from `centre_px`) for every pixel of the grid in the ellipse
 // d^T shape d <= 1 about `centre_px`, and for a few right beside it, row by row.
 template <typename Visit>

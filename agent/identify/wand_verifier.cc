@@ -12,6 +12,7 @@
 #include "agent/identify/overlapping_markers.h"
 #include "agent/identify/partial_evidence.h"
 #include "agent/identify/partial_wands.h"
+#include "agent/identify/restored_markers.h"
 #include "agent/identify/squared.h"
 
 namespace rigcal::agent {
@@ -27,7 +28,6 @@ constexpr double kTriedCost = 1.15, kFewTried = 20;
 constexpr double kWhiteCost = 6;
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kTooAlike = 0.5;    // for its outline to be seen
-constexpr double kMostHidden = 0.2;  // of a marker, by others of the wand
 constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
                  kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5;
 constexpr double kSeenStickGain = 2;
@@ -36,12 +36,12 @@ constexpr double kMargin = 8;  // in cost, of a wand against the next best
 constexpr double kFlippedMargin = 2.2;
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
-constexpr double kKnownPlace = 0.5;                 // of a radius
-constexpr double kOwnPlacePx = 1, kOwnPlace = 0.6;  // of a marker's centre, by its blob's radius
+constexpr double kKnownPlace = 0.5;  // of a radius
 // Of outlines.
-constexpr double kWorthALook = 0.1;     // confidence
-constexpr double kWorthRestoring = 16;  // cost of pose and likeness
-constexpr double kByOthersCost = 1.5;   // its own size says nothing then
+constexpr double kWorthALook = 0.1;                     // confidence
+constexpr double kWorthRestoring = 16;                  // cost of pose and likeness
+constexpr double kDoubtfulPose = 1.5, kColourGain = 1;  // cost, of outlines by their colour
+constexpr double kByOthersCost = 1.5;                   // its own size says nothing then
 constexpr size_t kMaxOutlined = 6;
 constexpr double kNoOutlineCost = 9, kLargeNoOutlineCost = 3;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
@@ -60,12 +60,6 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
 }
 
-// Or else something beside it was measured.
-bool IsInBlob(const Eigen::Vector2d& centre_px, const Blob& blob) {
-  const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
-  return (centre_px - blob.centre_px).norm() < kOwnPlacePx + kOwnPlace * radius_px;
-}
-
 // What an outline's fit leaves, over what noise and shading may leave.
 double Misfit(const MarkerCentre& centre, const SphereOutline& outline) {
   const double noise = centre.noise_grey / centre.contrast_grey;
@@ -76,39 +70,6 @@ double Misfit(const MarkerCentre& centre, const SphereOutline& outline) {
 
 double WandVerifier::ConfidenceOf(double cost) const {
   return 1 / (1 + std::exp((cost + chance_cost_ - kHalfCost) / kCostScale));
-}
-
-// Something behind a marker moves and skews its centroid, but not its outline.
-void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
-                           VerifiedWand* wand) {
-  const auto restore = [&](size_t k, const std::optional<SphereOutline>& outline) {
-    const Blob& blob = blobs[static_cast<size_t>(wand->blobs[k])];
-    MarkerCentre& centre = wand->centres[k];
-    const bool is_cut = centre.cut || blob.touches_border;
-    if (!IsOnOutline(outline, is_cut) || !(is_cut || IsInBlob(outline->centre_px, blob))) {
-      return false;
-    }
-    wand->whole[k] = true;
-    centre.centre_px = outline->centre_px;
-    centre.radius_px = outline->radius_px;
-    centre.covariance_px2 = std::max(1.0, Squared(outline->residual)) * outline->covariance_px2;
-    centre.skewness = 0;
-    if (is_cut) centre.second_moment_px2 = outline->SecondMoment();
-    return true;
-  };
-  absl::InlinedVector<size_t, 3> lost, to_retry;
-  for (size_t k = 0; k < wand->blobs.size(); ++k) {
-    const MarkerCentre& centre = wand->centres[k];
-    if (wand->whole[k]) continue;
-    const bool is_cut = centre.cut || blobs[static_cast<size_t>(wand->blobs[k])].touches_border;
-    const bool may_be = centre.contrast_grey > 0 && HiddenShare(*wand, k) < kMostHidden;
-    if (may_be && restore(k, markers_.OutlineOf(image, wand->blobs[k]))) continue;
-    lost.push_back(k);
-    if (may_be && !is_cut) to_retry.push_back(k);
-    // With two that are not whole it is no wand.
-    if (lost.size() > 1) return;
-  }
-  for (const size_t k : to_retry) restore(k, markers_.OutlineIn(image, *wand, k));
 }
 
 std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
@@ -148,11 +109,19 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   if (wand.fit.cost + Unlikeness(wand, in_room_) > kWorthRestoring) return std::nullopt;
   if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {
     const VerifiedWand before = wand;
-    Restore(image, blobs, &wand);
+    RestoreByOutlines(image, blobs, &markers_, &wand);
     // The outline of a part is not where the others say.
     const double gained = kOccludedCost * (before.OccludedCount() - wand.OccludedCount());
     if (!FitPose(finder, candidate.partial, &wand) || wand.fit.cost > before.fit.cost + gained) {
       wand = before;
+    }
+  }
+  if (in_room_ && wand.fit.cost > kDoubtfulPose) {
+    auto coloured = WithColouredOutlines(image, candidate.partial, &markers_, wand);
+    if (coloured && FitPose(finder, candidate.partial, &coloured->wand) &&
+        coloured->wand.fit.cost + kColourGain < wand.fit.cost) {
+      wand = std::move(coloured->wand);
+      for (const int blob : coloured->blobs) markers_.TakeColour(blob);
     }
   }
   const int occluded = wand.OccludedCount();
@@ -340,6 +309,7 @@ bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   OutlinedMarkers markers(wand->blobs.size());
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k] || !markers_.OutlineOf(image, wand->blobs[k])) continue;
+    if (in_room_) markers_.PreferColour(image, wand->blobs[k]);
     markers_.FitBeside(image, wand->blobs[k]);
     MeasuredMarker& measured = markers_.OfBlob(wand->blobs[k]);
     markers[k] = {&*measured.outline, &measured.pixels, measured.moved_px};

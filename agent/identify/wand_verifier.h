@@ -51,8 +51,6 @@ class WandVerifier {
   bool IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const;
   Verdict Choose();
   static bool FitPose(const WandFinder& finder, int partial, VerifiedWand* wand);
-  // Takes markers for whole by their outlines.
-  void Restore(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand);
   double ShapeCost(const ImageView& image, const VerifiedWand& wand);
   double EvidenceOfOutlines(const ImageView& image, const VerifiedWand& wand);
   double ConfidenceOf(double cost) const;

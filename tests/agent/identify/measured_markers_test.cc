@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace rigcal::agent::measured_markers_test {
@@ -20,37 +22,96 @@ TEST(IsOnOutline, LessOfTheEdgeIsEnoughWhereNoneIsElsewhere) {
   EXPECT_TRUE(IsOnOutline(outline));
 }
 
-// A sphere in front of something grey that ends 2.5 px beside it, where it is dark.
-TEST(MeasuredMarkers, FitsAgainstWhatIsRightBesideASphere) {
-  constexpr int kSize = 64;
-  constexpr double kRadius = 8;
-  const Eigen::Vector2d true_px(31.3, 32.8);
-  const double colour[3] = {40, 95, 175};
+constexpr int kSize = 64;
+constexpr double kRadius = 8;
+const Eigen::Vector2d kTruePx(31.3, 32.8);
+
+// Of a disc with a soft edge: `grey(share, x, y, channel)`, the share of a pixel that it covers.
+template <typename Grey>
+std::vector<uint8_t> Render(Grey grey) {
   std::vector<uint8_t> pixels(kSize * kSize * 3);
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
-      const double outside_px = (Eigen::Vector2d(x, y) - true_px).norm() - kRadius;
+      const double outside_px = (Eigen::Vector2d(x, y) - kTruePx).norm() - kRadius;
       const double share = 0.5 * std::erfc(outside_px / (0.7 * std::sqrt(2.0)));
-      const double behind = x < true_px.x() + kRadius + 2.5 ? 50 : 5;
       for (int k = 0; k < 3; ++k) {
         pixels[static_cast<size_t>((y * kSize + x) * 3 + k)] =
-            static_cast<uint8_t>(std::lround(share * colour[k] + (1 - share) * behind));
+            static_cast<uint8_t>(std::lround(grey(share, x, y, k)));
       }
     }
   }
-  const ImageView image{pixels.data(), kSize, kSize, kSize * 3, PixelFormat::kBgr8};
+  return pixels;
+}
+
+ImageView ViewOf(const std::vector<uint8_t>& pixels) {
+  return {pixels.data(), kSize, kSize, kSize * 3, PixelFormat::kBgr8};
+}
+
+Blob SphereBlob() {
   Blob blob;
-  blob.centre_px = true_px + Eigen::Vector2d(0.2, -0.2);
+  blob.centre_px = kTruePx + Eigen::Vector2d(0.2, -0.2);
   blob.second_moment_px2 = 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity();
   blob.area_px = 201;
+  return blob;
+}
+
+// A sphere in front of something grey that ends 2.5 px beside it, where it is dark.
+TEST(MeasuredMarkers, FitsAgainstWhatIsRightBesideASphere) {
+  const double colour[3] = {40, 95, 175};
+  const std::vector<uint8_t> pixels = Render([&](double share, int x, int, int k) {
+    return share * colour[k] + (1 - share) * (x < kTruePx.x() + kRadius + 2.5 ? 50 : 5);
+  });
+  const Blob blob = SphereBlob();
   MeasuredMarkers markers;
   markers.StartImage();
   markers.StartSearch(1, 1e6);
-  ASSERT_TRUE(markers.Measure(image, {&blob, 1}, 0)->good);
-  ASSERT_TRUE(markers.OutlineOf(image, 0).has_value());
-  EXPECT_GT((markers.OutlineOf(image, 0)->centre_px - true_px).norm(), 0.05);
-  markers.FitBeside(image, 0);
-  EXPECT_LT((markers.OutlineOf(image, 0)->centre_px - true_px).norm(), 0.04);
+  markers.RequireContrast(14);
+  ASSERT_TRUE(markers.Measure(ViewOf(pixels), {&blob, 1}, 0)->good);
+  ASSERT_TRUE(markers.OutlineOf(ViewOf(pixels), 0).has_value());
+  EXPECT_GT((markers.OutlineOf(ViewOf(pixels), 0)->centre_px - kTruePx).norm(), 0.05);
+  markers.FitBeside(ViewOf(pixels), 0);
+  EXPECT_LT((markers.OutlineOf(ViewOf(pixels), 0)->centre_px - kTruePx).norm(), 0.04);
+}
+
+// White light from above on a sphere in front of a pale wall, of which its lower half is as bright:
+// the outline of what differs is that of a smaller sphere.
+TEST(MeasuredMarkers, ColourShowsTheWholeOfASphereBeforeAPaleWall) {
+  const double colour[3] = {4, 14, 36};
+  const std::vector<uint8_t> pixels = Render([&](double share, int, int y, int k) {
+    const double white = 100 - 45 * (y - kTruePx.y()) / kRadius;
+    return share * (colour[k] + white) + (1 - share) * 100;
+  });
+  const Blob blob = SphereBlob();
+  MeasuredMarkers markers;
+  markers.StartImage();
+  markers.StartSearch(1, 1e6);
+  markers.RequireContrast(14);
+  ASSERT_TRUE(markers.Measure(ViewOf(pixels), {&blob, 1}, 0)->good);
+  const std::optional<SphereOutline> bright = markers.OutlineOf(ViewOf(pixels), 0);
+  const std::optional<SphereOutline> coloured = markers.OutlineByColour(ViewOf(pixels), 0);
+  ASSERT_TRUE(coloured.has_value());
+  EXPECT_LT((coloured->centre_px - kTruePx).norm(), 0.05);
+  EXPECT_NEAR(coloured->radius_px, kRadius, 0.1);
+  EXPECT_FALSE(IsClearlySeen(bright));
+  EXPECT_TRUE(IsClearlySeen(coloured));
+  // The outline that is measured from now on.
+  markers.PreferColour(ViewOf(pixels), 0);
+  EXPECT_EQ(markers.OutlineOf(ViewOf(pixels), 0)->centre_px, coloured->centre_px);
+  EXPECT_TRUE(markers.OfBlob(0).pixels.by_colour);
+}
+
+// Before a dark wall the brightness shows all of it.
+TEST(MeasuredMarkers, ColourIsNotAskedWhereASphereStandsOut) {
+  const double colour[3] = {40, 95, 175};
+  const std::vector<uint8_t> pixels =
+      Render([&](double share, int, int, int k) { return share * colour[k] + (1 - share) * 20; });
+  const Blob blob = SphereBlob();
+  MeasuredMarkers markers;
+  markers.StartImage();
+  markers.StartSearch(1, 1e6);
+  markers.RequireContrast(14);
+  ASSERT_TRUE(markers.Measure(ViewOf(pixels), {&blob, 1}, 0)->good);
+  EXPECT_FALSE(markers.OutlineByColour(ViewOf(pixels), 0).has_value());
 }
 
 }  // namespace

@@ -15,10 +15,11 @@ constexpr float kStrange = 0.3f;  // of the contrast: away from all mixtures of 
 // A marker's colour without white: least that can be told, and pixels more by it than by all.
 constexpr double kLeastColourGrey = 12, kLeastColour = 0.3, kMoreColoured = 1.1;
 constexpr int kLeastOutlinePx = 4;
-constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
-constexpr double kWideCore = 0.85;   // of it: where saturation is looked for
-constexpr double kMinContrast = 12;  // grey levels
-constexpr double kUsualStep = 1.2;   // root mean square of usual steps over their mean
+constexpr double kRoundSpread = 1.1;  // as a disc has, or more
+constexpr double kCore = 0.55;        // of the blob's ellipse: the plateau is read there
+constexpr double kWideCore = 0.85;    // of it: where saturation is looked for
+constexpr double kMinContrast = 12;   // grey levels
+constexpr double kUsualStep = 1.2;    // root mean square of usual steps over their mean
 constexpr double kMostSaturated = 0.04;
 // Pixels this bright (kForeign) and this far outside of the blob belong to something else.
 constexpr double kOwnPx = 1.5;
@@ -193,11 +194,12 @@ bool MarkerMeter::Outline(const MarkerAperture& aperture, Blob* blob) {
     if (share_[i] >= 0.5f && (foreign_[i] & kOtherColour) == 0) covered.Add(d);
     if (colour_share_[i] >= 0.5f) coloured.Add(d);
   });
-  // White light on one side makes the other side another colour; but noise and what is coloured
-  // beside it count more without brightness.
+  // White light on one side makes the other side another colour, or as bright as what is behind;
+  // but noise and what is coloured beside it count more without brightness.
   is_half_white_ = coloured.count >= kLeastOutlinePx &&
                    coloured.count > kMoreColoured * covered.count &&
-                   (covered.count < kLeastOutlinePx || coloured.Spread() < covered.Spread());
+                   (covered.count < kLeastOutlinePx ||
+                    coloured.Spread() < std::max(kRoundSpread, covered.Spread()));
   const PixelMoments& found = is_half_white_ ? coloured : covered;
   if (found.count < kLeastOutlinePx) return false;
   blob->centre_px = aperture.centre_px + found.Mean();

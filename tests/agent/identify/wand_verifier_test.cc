@@ -3,10 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <random>
 #include <vector>
 
 #include "tests/agent/identify/paper_wand_view.h"
@@ -67,6 +69,70 @@ TEST(WandVerifier, ASphereBeforeASaturatedBackgroundMayLookSmaller) {
   const auto wand = Verified(3.9, 255);
   ASSERT_TRUE(wand.has_value());
   EXPECT_LT(wand->fit.cost, 1.5);
+}
+
+// Of a dim wand in a lit room, `scale` times as large, before a wall of `wall` grey levels. White
+// light makes the upper rims of its spheres `shading` grey levels brighter than their middles.
+std::optional<VerifiedWand> VerifiedInRoom(double scale, double wall, double white,
+                                           double shading) {
+  constexpr std::array<double, 3> kLight = {3, 10, 25};
+  const double radius_px = scale * kRadiusPx;
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise(0, 1.8);
+  std::vector<uint8_t> pixels;
+  for (int y = 0; y < kViewHeight; ++y) {
+    for (int x = 0; x < kViewWidth; ++x) {
+      double share = 0;
+      for (const double along_px : kAlongPx) {
+        const double outside_px = std::hypot(x - kFirstX - scale * along_px, y - kY) - radius_px;
+        share += 0.5 * std::erfc(outside_px / (0.6 * std::sqrt(2.0)));
+      }
+      const double reflected = white - shading * (y - kY) / radius_px;
+      for (const double light : kLight) {
+        const double grey = share * (light + reflected) + (1 - share) * wall + noise(random);
+        pixels.push_back(static_cast<uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0))));
+      }
+    }
+  }
+  const ImageView image{pixels.data(), kViewWidth, kViewHeight, 3 * kViewWidth, PixelFormat::kBgr8};
+  std::vector<Blob> blobs;
+  for (const double along_px : kAlongPx) {
+    Blob& blob = blobs.emplace_back();
+    blob.centre_px = {kFirstX + scale * along_px, kY};
+    blob.second_moment_px2 = 0.25 * radius_px * radius_px * Eigen::Matrix2d::Identity();
+    blob.area_px = static_cast<int>(3.14 * radius_px * radius_px);
+  }
+  const WandFinder finder({}, PaperWand(), ViewCamera());
+  WandCandidate candidate;
+  candidate.blobs = {0, 1, 2};
+  WandVerifier verifier(0.02);
+  verifier.StartImage();
+  verifier.RequireContrast(14);
+  double work = 1e6;
+  return verifier.Verify(image, blobs, finder, {&candidate, 1}, 1, true, &work).wand;
+}
+
+// Noise is all that their outlines leave, but of dim spheres it is as much as small things leave.
+TEST(WandVerifier, OutlinesOfLargeDimSpheresAreNoEvidenceAgainstAWand) {
+  const auto wand = VerifiedInRoom(1.6, 20, 20, 0);
+  ASSERT_TRUE(wand.has_value());
+  EXPECT_EQ(wand->OccludedCount(), 0);
+  EXPECT_GT(wand->evidence, -0.5);
+  const auto small = VerifiedInRoom(1, 20, 20, 0);
+  ASSERT_TRUE(small.has_value());
+  EXPECT_LT(small->evidence, wand->evidence - 1);
+}
+
+// The lower halves are about as bright as the wall.
+TEST(WandVerifier, SpheresBeforeAPaleWallAreWholeByTheirColour) {
+  for (const double wall : {95.0, 105.0}) {
+    for (const double shading : {30.0, 45.0, 60.0}) {
+      const auto wand = VerifiedInRoom(1.6, wall, 90, shading);
+      ASSERT_TRUE(wand.has_value()) << wall << ' ' << shading;
+      EXPECT_EQ(wand->OccludedCount(), 0) << wall << ' ' << shading;
+      EXPECT_LT(wand->fit.cost, 1) << wall << ' ' << shading;
+    }
+  }
 }
 
 }  // namespace

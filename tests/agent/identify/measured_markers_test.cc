@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 namespace rigcal::agent::measured_markers_test {
@@ -43,10 +44,6 @@ std::vector<uint8_t> Render(Grey grey) {
   return pixels;
 }
 
-ImageView ViewOf(const std::vector<uint8_t>& pixels) {
-  return {pixels.data(), kSize, kSize, kSize * 3, PixelFormat::kBgr8};
-}
-
 Blob SphereBlob() {
   Blob blob;
   blob.centre_px = kTruePx + Eigen::Vector2d(0.2, -0.2);
@@ -55,63 +52,64 @@ Blob SphereBlob() {
   return blob;
 }
 
+// The sphere of an image, measured.
+struct MeasuredSphere {
+  explicit MeasuredSphere(std::vector<uint8_t> its_pixels) : pixels(std::move(its_pixels)) {
+    markers.StartImage();
+    markers.StartSearch(1, 1e6);
+    markers.RequireContrast(14);
+    const Blob blob = SphereBlob();
+    good = markers.Measure(View(), {&blob, 1}, 0)->good;
+  }
+  ImageView View() const { return {pixels.data(), kSize, kSize, kSize * 3, PixelFormat::kBgr8}; }
+
+  std::vector<uint8_t> pixels;
+  MeasuredMarkers markers;
+  bool good = false;
+};
+
 // A sphere in front of something grey that ends 2.5 px beside it, where it is dark.
 TEST(MeasuredMarkers, FitsAgainstWhatIsRightBesideASphere) {
   const double colour[3] = {40, 95, 175};
-  const std::vector<uint8_t> pixels = Render([&](double share, int x, int, int k) {
+  MeasuredSphere sphere(Render([&](double share, int x, int, int k) {
     return share * colour[k] + (1 - share) * (x < kTruePx.x() + kRadius + 2.5 ? 50 : 5);
-  });
-  const Blob blob = SphereBlob();
-  MeasuredMarkers markers;
-  markers.StartImage();
-  markers.StartSearch(1, 1e6);
-  markers.RequireContrast(14);
-  ASSERT_TRUE(markers.Measure(ViewOf(pixels), {&blob, 1}, 0)->good);
-  ASSERT_TRUE(markers.OutlineOf(ViewOf(pixels), 0).has_value());
-  EXPECT_GT((markers.OutlineOf(ViewOf(pixels), 0)->centre_px - kTruePx).norm(), 0.05);
-  markers.FitBeside(ViewOf(pixels), 0);
-  EXPECT_LT((markers.OutlineOf(ViewOf(pixels), 0)->centre_px - kTruePx).norm(), 0.04);
+  }));
+  ASSERT_TRUE(sphere.good);
+  ASSERT_TRUE(sphere.markers.OutlineOf(sphere.View(), 0).has_value());
+  EXPECT_GT((sphere.markers.OutlineOf(sphere.View(), 0)->centre_px - kTruePx).norm(), 0.05);
+  sphere.markers.FitBeside(sphere.View(), 0);
+  EXPECT_LT((sphere.markers.OutlineOf(sphere.View(), 0)->centre_px - kTruePx).norm(), 0.04);
 }
 
 // White light from above on a sphere in front of a pale wall, of which its lower half is as bright:
 // the outline of what differs is that of a smaller sphere.
 TEST(MeasuredMarkers, ColourShowsTheWholeOfASphereBeforeAPaleWall) {
   const double colour[3] = {4, 14, 36};
-  const std::vector<uint8_t> pixels = Render([&](double share, int, int y, int k) {
+  MeasuredSphere sphere(Render([&](double share, int, int y, int k) {
     const double white = 100 - 45 * (y - kTruePx.y()) / kRadius;
     return share * (colour[k] + white) + (1 - share) * 100;
-  });
-  const Blob blob = SphereBlob();
-  MeasuredMarkers markers;
-  markers.StartImage();
-  markers.StartSearch(1, 1e6);
-  markers.RequireContrast(14);
-  ASSERT_TRUE(markers.Measure(ViewOf(pixels), {&blob, 1}, 0)->good);
-  const std::optional<SphereOutline> bright = markers.OutlineOf(ViewOf(pixels), 0);
-  const std::optional<SphereOutline> coloured = markers.OutlineByColour(ViewOf(pixels), 0);
+  }));
+  ASSERT_TRUE(sphere.good);
+  const std::optional<SphereOutline> bright = sphere.markers.OutlineOf(sphere.View(), 0);
+  const std::optional<SphereOutline> coloured = sphere.markers.OutlineByColour(sphere.View(), 0);
   ASSERT_TRUE(coloured.has_value());
   EXPECT_LT((coloured->centre_px - kTruePx).norm(), 0.05);
   EXPECT_NEAR(coloured->radius_px, kRadius, 0.1);
   EXPECT_FALSE(IsClearlySeen(bright));
   EXPECT_TRUE(IsClearlySeen(coloured));
   // The outline that is measured from now on.
-  markers.PreferColour(ViewOf(pixels), 0);
-  EXPECT_EQ(markers.OutlineOf(ViewOf(pixels), 0)->centre_px, coloured->centre_px);
-  EXPECT_TRUE(markers.OfBlob(0).pixels.by_colour);
+  sphere.markers.PreferColour(sphere.View(), 0);
+  EXPECT_EQ(sphere.markers.OutlineOf(sphere.View(), 0)->centre_px, coloured->centre_px);
+  EXPECT_TRUE(sphere.markers.OfBlob(0).pixels.by_colour);
 }
 
 // Before a dark wall the brightness shows all of it.
 TEST(MeasuredMarkers, ColourIsNotAskedWhereASphereStandsOut) {
   const double colour[3] = {40, 95, 175};
-  const std::vector<uint8_t> pixels =
-      Render([&](double share, int, int, int k) { return share * colour[k] + (1 - share) * 20; });
-  const Blob blob = SphereBlob();
-  MeasuredMarkers markers;
-  markers.StartImage();
-  markers.StartSearch(1, 1e6);
-  markers.RequireContrast(14);
-  ASSERT_TRUE(markers.Measure(ViewOf(pixels), {&blob, 1}, 0)->good);
-  EXPECT_FALSE(markers.OutlineByColour(ViewOf(pixels), 0).has_value());
+  MeasuredSphere sphere(
+      Render([&](double share, int, int, int k) { return share * colour[k] + (1 - share) * 20; }));
+  ASSERT_TRUE(sphere.good);
+  EXPECT_FALSE(sphere.markers.OutlineByColour(sphere.View(), 0).has_value());
 }
 
 }  // namespace

@@ -20,6 +20,28 @@ namespace {
 constexpr double kRadiusPx = 5, kFirstX = 250.3, kY = 240.2;
 constexpr std::array<double, 3> kAlongPx = {0, 32.5, 97.5};
 
+// Of what an image shows of a wand that is `scale` times as large.
+std::optional<VerifiedWand> Verified(const std::vector<uint8_t>& pixels,
+                                     const std::array<double, 3>& radii_px, double scale,
+                                     bool in_room) {
+  const ImageView image{pixels.data(), kViewWidth, kViewHeight, 3 * kViewWidth, PixelFormat::kBgr8};
+  std::vector<Blob> blobs;
+  for (size_t k = 0; k < radii_px.size(); ++k) {
+    Blob& blob = blobs.emplace_back();
+    blob.centre_px = {kFirstX + scale * kAlongPx[k], kY};
+    blob.second_moment_px2 = 0.25 * radii_px[k] * radii_px[k] * Eigen::Matrix2d::Identity();
+    blob.area_px = static_cast<int>(3.14 * radii_px[k] * radii_px[k]);
+  }
+  const WandFinder finder({}, PaperWand(), ViewCamera());
+  WandCandidate candidate;
+  candidate.blobs = {0, 1, 2};
+  WandVerifier verifier(0.02);
+  verifier.StartImage();
+  verifier.RequireContrast(14);
+  double work = 1e6;
+  return verifier.Verify(image, blobs, finder, {&candidate, 1}, 1, in_room, &work).wand;
+}
+
 // Of a wand whose first sphere looks smaller than the others, before `behind_first`.
 std::optional<VerifiedWand> Verified(double first_radius_px, double behind_first) {
   const std::array<double, 3> colour = {40, 95, 175},
@@ -38,22 +60,7 @@ std::optional<VerifiedWand> Verified(double first_radius_px, double behind_first
       }
     }
   }
-  const ImageView image{pixels.data(), kViewWidth, kViewHeight, 3 * kViewWidth, PixelFormat::kBgr8};
-  std::vector<Blob> blobs;
-  for (size_t k = 0; k < radii_px.size(); ++k) {
-    Blob& blob = blobs.emplace_back();
-    blob.centre_px = {kFirstX + kAlongPx[k], kY};
-    blob.second_moment_px2 = 0.25 * radii_px[k] * radii_px[k] * Eigen::Matrix2d::Identity();
-    blob.area_px = static_cast<int>(3.14 * radii_px[k] * radii_px[k]);
-  }
-  const WandFinder finder({}, PaperWand(), ViewCamera());
-  WandCandidate candidate;
-  candidate.blobs = {0, 1, 2};
-  WandVerifier verifier(0.02);
-  verifier.StartImage();
-  verifier.RequireContrast(14);
-  double work = 1e6;
-  return verifier.Verify(image, blobs, finder, {&candidate, 1}, 1, false, &work).wand;
+  return Verified(pixels, radii_px, 1, false);
 }
 
 TEST(WandVerifier, SpheresOfOneSizeFitTheirPose) {
@@ -94,22 +101,7 @@ std::optional<VerifiedWand> VerifiedInRoom(double scale, double wall, double whi
       }
     }
   }
-  const ImageView image{pixels.data(), kViewWidth, kViewHeight, 3 * kViewWidth, PixelFormat::kBgr8};
-  std::vector<Blob> blobs;
-  for (const double along_px : kAlongPx) {
-    Blob& blob = blobs.emplace_back();
-    blob.centre_px = {kFirstX + scale * along_px, kY};
-    blob.second_moment_px2 = 0.25 * radius_px * radius_px * Eigen::Matrix2d::Identity();
-    blob.area_px = static_cast<int>(3.14 * radius_px * radius_px);
-  }
-  const WandFinder finder({}, PaperWand(), ViewCamera());
-  WandCandidate candidate;
-  candidate.blobs = {0, 1, 2};
-  WandVerifier verifier(0.02);
-  verifier.StartImage();
-  verifier.RequireContrast(14);
-  double work = 1e6;
-  return verifier.Verify(image, blobs, finder, {&candidate, 1}, 1, true, &work).wand;
+  return Verified(pixels, {radius_px, radius_px, radius_px}, scale, true);
 }
 
 // Noise is all that their outlines leave, but of dim spheres it is as much as small things leave.

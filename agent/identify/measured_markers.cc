@@ -112,24 +112,34 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineOf(const ImageView& 
     }
     return measured.outline;
   }
-  // What is beside it can be told once it is known where that is.
   Blob around;
   around.centre_px = centre.centre_px;
   around.second_moment_px2 = centre.second_moment_px2;
-  for (int round = 0; round < kNearRounds; ++round) {
-    if (!meter_.CollectNear(image, around, centre, &measured.pixels)) return measured.outline;
-    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &measured.pixels);
-    outline.parameters.setZero();
-    if (!fitter_.Fit(measured.pixels, round == 0 ? second_moment_px2 : around.second_moment_px2, {},
-                     &outline)) {
-      return measured.outline;
-    }
-    if (outline.on_outline < kHardlyOnOutline) return measured.outline;
-    around.centre_px = outline.centre_px;
-    around.second_moment_px2 = outline.SecondMoment();
+  if (FitNear(image, measured,
+              {.around = around, .shape_px2 = second_moment_px2, .least_on = kHardlyOnOutline},
+              &measured.pixels, &outline)) {
+    measured.outline = outline;
   }
-  measured.outline = outline;
   return measured.outline;
+}
+
+// What is beside a marker can be told once it is known where that is.
+bool MeasuredMarkers::FitNear(const ImageView& image, const MeasuredMarker& measured,
+                              const NearFit& fit, OutlinePixels* pixels, SphereOutline* outline) {
+  Blob around = fit.around;
+  for (int round = 0; round < kNearRounds; ++round) {
+    outline->parameters.setZero();
+    if (!meter_.CollectNear(image, around, measured.centre, pixels, fit.by_colour)) return false;
+    if (measured.beside) LeaveOutBeyond(around, *measured.beside, pixels);
+    if (!fitter_.Fit(*pixels, round == 0 ? fit.shape_px2 : around.second_moment_px2, {}, outline,
+                     fit.expected) ||
+        outline->on_outline < fit.least_on) {
+      return false;
+    }
+    around.centre_px = outline->centre_px;
+    around.second_moment_px2 = outline->SecondMoment();
+  }
+  return true;
 }
 
 bool MeasuredMarkers::ExpectFromOthers(const ImageView& image, const VerifiedWand& wand,
@@ -177,15 +187,10 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineIn(const ImageView& 
   measured.retried = true;
   around.centre_px = centre.centre_px;
   SphereOutline again{.centre_px = centre.centre_px, .radius_px = expected.radius_px};
-  for (int round = 0; round < kNearRounds; ++round) {
-    again.parameters.setZero();
-    if (!meter_.CollectNear(image, around, centre, &retry_)) return outline;
-    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &retry_);
-    if (!fitter_.Fit(retry_, around.second_moment_px2, {}, &again, expected)) {
-      return outline;
-    }
-    around.centre_px = again.centre_px;
-    around.second_moment_px2 = again.SecondMoment();
+  if (!FitNear(image, measured,
+               {.around = around, .shape_px2 = around.second_moment_px2, .expected = expected},
+               &retry_, &again)) {
+    return outline;
   }
   if (!IsOnOutline(again)) return outline;
   measured.outline = again;
@@ -208,16 +213,10 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineByColour(const Image
   around.centre_px = centre.centre_px;
   around.second_moment_px2 = centre.second_moment_px2;
   SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
-  OutlinePixels& pixels = measured.coloured_pixels;
-  for (int round = 0; round < kNearRounds; ++round) {
-    outline.parameters.setZero();
-    if (!meter_.CollectNear(image, around, centre, &pixels, true)) return measured.coloured;
-    if (measured.beside) LeaveOutBeyond(around, *measured.beside, &pixels);
-    if (!fitter_.Fit(pixels, around.second_moment_px2, {}, &outline)) return measured.coloured;
-    around.centre_px = outline.centre_px;
-    around.second_moment_px2 = outline.SecondMoment();
-  }
-  if (IsOnOutline(outline)) measured.coloured = outline;
+  const bool is_fitted = FitNear(
+      image, measured, {.around = around, .shape_px2 = around.second_moment_px2, .by_colour = true},
+      &measured.coloured_pixels, &outline);
+  if (is_fitted && IsOnOutline(outline)) measured.coloured = outline;
   return measured.coloured;
 }
 

@@ -78,6 +78,16 @@ class MeasuredMarkers {
  private:
   bool ExpectFromOthers(const ImageView& image, const VerifiedWand& wand, size_t marker,
                         OutlineExpectation* expected, Eigen::Matrix2d* second_moment_px2);
+  // A fit against what is right beside a marker, in rounds: each where the one before found it.
+  struct NearFit {
+    Blob around;                // where it begins
+    Eigen::Matrix2d shape_px2;  // second moment, for the first fit
+    OutlineExpectation expected = {};
+    bool by_colour = false;
+    double least_on = 0;  // SphereOutline::on_outline, or there is none
+  };
+  bool FitNear(const ImageView& image, const MeasuredMarker& measured, const NearFit& fit,
+               OutlinePixels* pixels, SphereOutline* outline);
   bool MayWork(double work);
 
   MarkerMeter meter_;

@@ -41,7 +41,8 @@ bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut) {
 }
 
 bool IsClearlySeen(const std::optional<SphereOutline>& outline) {
-  return outline && outline->on_outline >= kClearlySeen;
+  return outline && outline->on_outline >= kClearlySeen &&
+         outline->off_outline <= kMostOffClearOutline;
 }
 
 void MeasuredMarkers::StartImage() {
@@ -81,6 +82,7 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
   MeasuredMarker& measured = markers_[count_++];
   measured.blob_px = seen.centre_px;
   measured.blob_area_px = seen.area_px;
+  measured.blob_moment_px2 = seen.second_moment_px2;
   measured.tried = measured.retried = measured.by_others = false;
   measured.tried_colour = measured.is_coloured = false;
   measured.outline.reset();
@@ -212,7 +214,13 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineByColour(const Image
   Blob around;
   around.centre_px = centre.centre_px;
   around.second_moment_px2 = centre.second_moment_px2;
-  SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
+  // Brightness shows a part of it.
+  if (measured.blob_moment_px2.determinant() > around.second_moment_px2.determinant()) {
+    around.centre_px = measured.blob_px;
+    around.second_moment_px2 = measured.blob_moment_px2;
+  }
+  SphereOutline outline{.centre_px = around.centre_px,
+                        .radius_px = 2 * std::pow(around.second_moment_px2.determinant(), 0.25)};
   const bool is_fitted = FitNear(
       image, measured, {.around = around, .shape_px2 = around.second_moment_px2, .by_colour = true},
       &measured.coloured_pixels, &outline);

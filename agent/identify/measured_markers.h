@@ -17,6 +17,7 @@ namespace rigcal::agent {
 struct MeasuredMarker {
   Eigen::Vector2d blob_px = Eigen::Vector2d::Zero();  // where and how large the blob is
   int blob_area_px = 0;
+  Eigen::Matrix2d blob_moment_px2;
   bool good = false;
   MarkerCentre centre;
   OutlinePixels pixels;

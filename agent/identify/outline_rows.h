@@ -29,6 +29,9 @@ enum OutlineParameter : int {
   kOutlineCount
 };
 
+// Of the variance of what is by colour: of interpolated channels four pixels are one.
+inline constexpr double kSharedNoise = 4;
+
 // Pixels side by side, filled up to whole groups with some that count nothing.
 struct OutlinePixels {
   static constexpr size_t kGroup = 16;

@@ -29,7 +29,6 @@ constexpr double kNearGap = 3, kNearPx = 0.05, kOverlapShare = 0.025;
 // Where spheres have much less noise than what is around them, that is textured, and so is the half
 // of an edge's pixels that is background: of the variance of the ring around them.
 constexpr double kLeastEdgeNoise = 0.55;
-constexpr double kSharedNoise = 4;  // variance, of interpolated channels: four pixels are one
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundPx = 0.2;  // of the edge, per step of the background over the contrast
 constexpr double kNeighbourPx = 0.05;  // of the edge, where something else is near

@@ -8,6 +8,8 @@
 #include <numbers>
 #include <utility>
 
+#include "agent/identify/squared.h"
+
 namespace rigcal::agent {
 namespace {
 
@@ -29,6 +31,7 @@ constexpr double kNearlyPx = 0.03, kNearlyCost = 2;  // is enough in the end
 constexpr double kSameCost = 1e-3;                   // single precision
 constexpr size_t kSectors = kOutlineSectors;
 constexpr double kOffPx = 0.3, kOffShare = 0.03;  // of an edge that is not on the outline
+constexpr double kOffNoises = 2, kMostOffNoise = 1.2;  // sigmas; of the above
 constexpr double kLeastFollows = 0.6;
 constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'
 
@@ -162,10 +165,13 @@ void SphereOutlineFitter::ReadEdge(const OutlinePixels& pixels, SphereOutline* o
   outline->edge_chi_squared = 0;
   outline->edge_freedom = -kOutlineFreedom;
   outline->on_outline = outline->off_outline = 0;
-  const double off_px = kOffPx + kOffShare * outline->radius_px;
+  const double known_px = kOffPx + kOffShare * outline->radius_px;
+  const double noise2 = Squared(kOffNoises) * (pixels.by_colour ? kSharedNoise : 1);
   for (size_t k = 0; k < kSectors; ++k) {
     // A sector that is blocked tells nothing.
     if (informations[k] < 0.2 * all / kSectors) continue;
+    const double off_px = std::sqrt(
+        Squared(known_px) + std::min(noise2 / informations[k], Squared(kMostOffNoise * known_px)));
     (std::abs(scores[k]) < off_px * informations[k] ? outline->on_outline : outline->off_outline) +=
         1.0 / kSectors;
     outline->edge_chi_squared += scores[k] * scores[k] / informations[k];

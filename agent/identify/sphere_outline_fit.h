@@ -61,7 +61,8 @@ struct SphereOutline {
   // and a model that does not fit make it larger.
   double edge_chi_squared = 0, edge_freedom = 0;
   // Of the sectors around it, 0 to 1: those whose edge is on the outline, and those whose edge is
-  // seen elsewhere. The others have no edge: something else is there, or the same grey.
+  // seen elsewhere, by more than noise may move it. The others have no edge: something else is
+  // there, or the same grey.
   double on_outline = 0, off_outline = 0;
   // Relative slopes of brightness, per radius, and their covariance by the same noise.
   Eigen::Vector2d slope = Eigen::Vector2d::Zero();

@@ -150,7 +150,8 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     wand.cost += (kPartialUnlikeness - 1) * Unlikeness(wand, in_room_) +
                  Squared(ColourDifference(wand) / kPartialColourSigma) -
                  (1 - kPartialChance) * chance_cost_;
-    if (in_room_ && !SaysWhichMarkers(candidate, wand)) return std::nullopt;
+    // Windows are full of pairs of white things.
+    if (in_room_ && (IsWhite(wand) || !SaysWhichMarkers(candidate, wand))) return std::nullopt;
     wand.has_part = true;
     wand.part_share = candidate.partial_share;
     wand.evidence = PartialEvidence(candidate, wand, UnresolvedCost(wand), in_room_);

@@ -39,7 +39,7 @@ const FolderGraph& AllowedFolders() {
         "agent/event", "agent/event_files", "agent/uplink", "common/camera", "common/config",
         "common/discovery", "common/enrolment", "common/identity", "common/options",
         "common/statistics", "common/status", "common/target"}},
-      {"agent/detect/blobs", {"common/status", "common/target"}},
+      {"agent/detect/blobs", {"common/statistics", "common/status", "common/target"}},
       {"agent/detect/event",
        {"agent/detect/blobs", "agent/event", "agent/identify", "common/statistics", "common/status",
         "common/target"}},

@@ -2,6 +2,7 @@
 #include "agent/detect/blobs/blob_contrast.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -26,13 +27,20 @@ struct Directions {
   }
 };
 
+// The mean of the 2 x 2 pixels around a place: single ones have too much noise for dim things.
 bool Read(const ImageView& image, const Eigen::Vector2d& at, Eigen::Vector3f* grey) {
+  if (image.width < 2 || image.height < 2) return false;
   if (!(at.x() > -0.5 && at.y() > -0.5)) return false;
   if (!(at.x() < image.width - 0.5 && at.y() < image.height - 0.5)) return false;
-  const int x = static_cast<int>(at.x() + 0.5), y = static_cast<int>(at.y() + 0.5);
+  const int x = std::clamp(static_cast<int>(at.x()), 0, image.width - 2);
+  const int y = std::clamp(static_cast<int>(at.y()), 0, image.height - 2);
   const int bytes = BytesPerPixel(image.format);
-  const uint8_t* pixel = image.Row(y) + x * bytes;
-  for (int k = 0; k < 3; ++k) (*grey)[k] = k < bytes ? static_cast<float>(pixel[k]) : 0;
+  const uint8_t* const upper = image.Row(y) + x * bytes;
+  const uint8_t* const lower = image.Row(y + 1) + x * bytes;
+  for (int k = 0; k < 3; ++k) {
+    const int sum = k < bytes ? upper[k] + upper[k + bytes] + lower[k] + lower[k + bytes] : 0;
+    (*grey)[k] = 0.25f * static_cast<float>(sum);
+  }
   return true;
 }
 

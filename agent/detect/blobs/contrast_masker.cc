@@ -3,16 +3,21 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdlib>
+#include <numbers>
 
 #include "agent/detect/blobs/contrast_rows.h"
 #include "agent/detect/blobs/value_rows.h"
+#include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
 namespace {
 
 // On each side of a block (SumsOf17): a sphere of up to 10 px is less than half of what is around.
 constexpr int kAroundBlocks = 8;
-constexpr int kMoreGrey = 8;  // than the mean; a block has 1 to 2 grey levels of noise
+// Than the mean, and in sigmas of a block's noise.
+constexpr double kLeastMoreGrey = 3, kMostMoreGrey = 8, kMoreNoises = 3;
+constexpr int kSampleStepPx = 16;  // of the noise
 constexpr int kPixelsOfBlock = 4;
 
 // Each bit of the lower half twice.
@@ -61,14 +66,43 @@ void ContrastMasker::ReadBlocks(const ImageView& image, const PixelRect& part) {
   }
 }
 
-void ContrastMasker::MarkRow(int row, int x, int y) {
+// Neighbouring blocks differ by it, hardly ever by more than what is seen there.
+double ContrastMasker::BlockNoise(const ImageView& image) {
+  const int bytes = BytesPerPixel(image.format);
+  const auto block_at = [&](int x, int y) {
+    int sum = 0;
+    for (int i = 0; i < kPixelsOfBlock; ++i) {
+      const uint8_t* const pixel = image.Row(y + i / 2) + (x + i % 2) * bytes;
+      sum += bytes == 1 ? pixel[0] : pixel[strongest_] - pixel[weakest_];
+    }
+    return sum;
+  };
+  steps_.clear();
+  for (int y = 0; y + 2 <= image.height; y += kSampleStepPx) {
+    for (int x = 0; x + 4 <= image.width; x += kSampleStepPx) {
+      steps_.push_back(std::abs(block_at(x, y) - block_at(x + 2, y)));
+    }
+  }
+  if (steps_.empty()) return 0;
+  const auto middle = steps_.begin() + static_cast<ptrdiff_t>(steps_.size() / 2);
+  std::nth_element(steps_.begin(), middle, steps_.end());
+  return kSigmaOverMad / std::numbers::sqrt2 * (*middle + 0.5);
+}
+
+void ContrastMasker::MarkRow(int row, int more, uint8_t* marked) {
   const auto width = static_cast<size_t>(width_);
   SumsOf17(columns_.data(), width, sums_.data());
   const int rows =
       std::min(row + kAroundBlocks, height_ - 1) - std::max(row - kAroundBlocks, 0) + 1;
   MoreThanMean(blocks_.data() + static_cast<ptrdiff_t>(row) * width_, sums_.data(), counts_.data(),
-               rows, kPixelsOfBlock * kMoreGrey, width, marked_.data());
-  BitsAtLeast(marked_.data(), width, 1, words_.data());
+               rows, more, width, marked);
+}
+
+void ContrastMasker::WriteRow(const uint8_t* above, const uint8_t* middle, const uint8_t* below,
+                              int x, int y) {
+  const auto width = static_cast<size_t>(width_);
+  MostOfNine(above, middle, below, width, sums_of_three_.data(), most_.data());
+  BitsAtLeast(most_.data(), width, 1, words_.data());
   const int first = x / kMaskWordBits, last = (x + 2 * width_ - 1) / kMaskWordBits;
   for (const int at : {y, y + 1}) {
     uint64_t* const to = mask_.MutableRow(at);
@@ -94,7 +128,9 @@ const PixelMask& ContrastMasker::Mask(const ImageView& image, const PixelRect& p
   const auto width = static_cast<size_t>(width_);
   columns_.assign(width + 2 * kAroundBlocks, 0);
   sums_.resize(width + 2 * kAroundBlocks);
-  marked_.resize(width);
+  for (auto& marked : marked_) marked.assign(width, 0);
+  most_.resize(width);
+  sums_of_three_.resize(width + 2);
   words_.assign(width / kMaskWordBits + 1, 0);
   counts_.resize(width);
   for (int i = 0; i < width_; ++i) {
@@ -105,11 +141,25 @@ const PixelMask& ContrastMasker::Mask(const ImageView& image, const PixelRect& p
     return blocks_.data() + static_cast<ptrdiff_t>(row) * width_;
   };
   int32_t* const columns = columns_.data() + kAroundBlocks;
+  const auto more =
+      static_cast<int>(std::clamp(kMoreNoises * BlockNoise(image), kPixelsOfBlock * kLeastMoreGrey,
+                                  kPixelsOfBlock * kMostMoreGrey));
+  const auto marked_at = [&](int row) {
+    return marked_[static_cast<size_t>((row + 3) % 3)].data();
+  };
   for (int row = -kAroundBlocks; row < height_; ++row) {
     if (row + kAroundBlocks < height_) AddRow(row_at(row + kAroundBlocks), width, columns);
     if (row - kAroundBlocks > 0) SubtractRow(row_at(row - kAroundBlocks - 1), width, columns);
-    if (row >= 0) MarkRow(row, whole.x, whole.y + 2 * row);
+    if (row < 0) continue;
+    MarkRow(row, more, marked_at(row));
+    if (row > 0) {
+      WriteRow(marked_at(row - 2), marked_at(row - 1), marked_at(row), whole.x,
+               whole.y + 2 * (row - 1));
+    }
   }
+  std::fill_n(marked_at(height_), width, uint8_t{0});
+  WriteRow(marked_at(height_ - 2), marked_at(height_ - 1), marked_at(height_), whole.x,
+           whole.y + 2 * (height_ - 1));
   return mask_;
 }
 

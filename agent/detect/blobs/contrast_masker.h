@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -12,7 +13,8 @@ namespace rigcal::agent {
 // Marks what has more of a colour than the mean of what is around it, however bright and whatever
 // its own colour: the light of a sphere adds to the room's. Of colour it takes the difference of
 // two channels, in which white light is nothing; of an image without colour the brightness. It
-// looks at blocks of 2 x 2 pixels. Buffers are kept; one thread at a time.
+// looks at blocks of 2 x 2 pixels. How much more that is follows from the image's noise; a block is
+// marked if it and its eight neighbours mostly are. Buffers are kept; one thread at a time.
 class ContrastMasker {
  public:
   // Channels of a pixel, 0 blue, 1 green, 2 red: in which the colour is strongest and weakest.
@@ -24,7 +26,10 @@ class ContrastMasker {
 
  private:
   void ReadBlocks(const ImageView& image, const PixelRect& part);
-  void MarkRow(int row, int x, int y);
+  // One sigma of a block's sum, of a sample of the image.
+  double BlockNoise(const ImageView& image);
+  void MarkRow(int row, int more, uint8_t* marked);
+  void WriteRow(const uint8_t* above, const uint8_t* middle, const uint8_t* below, int x, int y);
 
   int strongest_, weakest_;
   PixelMask mask_;
@@ -34,7 +39,9 @@ class ContrastMasker {
   std::vector<int32_t> columns_;        // sums over the rows around one, with a border of zeros
   std::vector<int32_t> sums_;           // over the columns around a block too; longer
   std::vector<int32_t> counts_;         // of columns around a block
-  std::vector<uint8_t> marked_;
+  std::array<std::vector<uint8_t>, 3> marked_;  // of three rows
+  std::vector<uint8_t> most_, sums_of_three_;
+  std::vector<int> steps_;  // between neighbouring blocks
   std::vector<uint64_t> words_;
 };
 

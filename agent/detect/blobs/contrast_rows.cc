@@ -53,4 +53,14 @@ RIGCAL_CLONES void MoreThanMean(const int16_t* __restrict values, const int32_t*
   }
 }
 
+RIGCAL_CLONES void MostOfNine(const uint8_t* __restrict above, const uint8_t* __restrict middle,
+                              const uint8_t* __restrict below, size_t count,
+                              uint8_t* __restrict sums, uint8_t* __restrict most) {
+  sums[0] = sums[count + 1] = 0;
+  for (size_t i = 0; i < count; ++i) {
+    sums[i + 1] = static_cast<uint8_t>(above[i] + middle[i] + below[i]);
+  }
+  for (size_t i = 0; i < count; ++i) most[i] = sums[i] + sums[i + 1] + sums[i + 2] >= 5 ? 1 : 0;
+}
+
 }  // namespace rigcal::agent

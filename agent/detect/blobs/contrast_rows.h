@@ -26,4 +26,8 @@ void SumsOf17(const int32_t* values, size_t count, int32_t* sums);
 void MoreThanMean(const int16_t* values, const int32_t* sums, const int32_t* columns, int rows,
                   int more, size_t count, uint8_t* marked);
 
+// 1 where more than half of 3 x 3 marks are 1; of `count` in the row of `middle`.
+void MostOfNine(const uint8_t* above, const uint8_t* middle, const uint8_t* below, size_t count,
+                uint8_t* sums, uint8_t* most);
+
 }  // namespace rigcal::agent

@@ -39,6 +39,9 @@ constexpr LevelRange kLevels[] = {
     {.contrast_grey = 14}};
 constexpr double kPastSecondaryDeg = 3;
 constexpr double kNearHueDeg = 20;  // of what a marker adds to its surroundings, which have a hue
+// Of the colour of a marker itself that is found by its contrast: what is black before something
+// bluish has none.
+constexpr float kLeastOwnSaturation = 0.08f, kLeastOwnGrey = 4;
 constexpr int kLargeAreaPx = 800;
 constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
 constexpr int kMostPairs = 32;                        // of each level
@@ -88,6 +91,11 @@ double HueDeg(const Eigen::Vector3f& bgr) {
                        : bgr[1] == most ? 2 + (bgr[0] - bgr[2]) / chroma
                                         : 4 + (bgr[2] - bgr[1]) / chroma;
   return std::fmod(60 * static_cast<double>(sixths) + 360, 360);
+}
+
+bool HasOwnColour(const Eigen::Vector3f& bgr) {
+  const float most = bgr.maxCoeff();
+  return most - bgr.minCoeff() >= std::max(kLeastOwnGrey, kLeastOwnSaturation * most);
 }
 
 bool IsNear(double hue_deg, const ColourRange& colour) {
@@ -247,7 +255,8 @@ void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut, int
   if (level_ != kContrastLevel) {
     if (!HasColour(image, blob)) return;
   } else if (image.format == PixelFormat::kBgr8 &&
-             !IsNear(HueDeg(contrast->core - contrast->around), colour_)) {
+             (!IsNear(HueDeg(contrast->core - contrast->around), colour_) ||
+              !HasOwnColour(contrast->core))) {
     return;
   }
   spot.core = contrast->core;
@@ -292,9 +301,11 @@ void SpotFinder::KeepPairs(const ImageView& image, const PixelRect& part) {
   }
 }
 
-void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t level) {
+void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t level,
+                      bool only_if_few) {
   level_ = level;
   spots_.clear();
+  least_doubt_left_ = std::numeric_limits<double>::infinity();
   BlobFinder& finder = levels_[level_].blobs;
   const bool is_known = looked_ && level_ == 0 && part == image.Bounds();
   const BrightWords* const bright = looked_ ? &bright_ : nullptr;
@@ -305,6 +316,7 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
   runs_ += found.run_count;
   const int searches = level_ == kContrastLevel ? kSearchesOfContrast : 1;
   searches_ += found.row_count == image.height ? searches : 0;
+  if (only_if_few && found.over_limit > 0) return;
   const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
   // Those that a marker may be a part of, the smallest first.
   std::vector<const Blob*> patches;
@@ -348,7 +360,6 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
   }
   KeepPairs(image, part);
   found_ += static_cast<int>(std::min(spots_.size(), kMaxSpots));
-  least_doubt_left_ = std::numeric_limits<double>::infinity();
   if (spots_.size() <= kMaxSpots) return;
   std::stable_sort(spots_.begin(), spots_.end(),
                    [](const Spot& a, const Spot& b) { return a.doubt < b.doubt; });

@@ -64,8 +64,9 @@ class SpotFinder {
   void BeginImage();
   // Blobs of the widest level in the whole image.
   const BlobResult& Look(const ImageView& image);
-  // Spots of a level, in a part of the image.
-  void Find(const ImageView& image, const PixelRect& part, size_t level);
+  // Spots of a level, in a part of the image. `only_if_few`: none, where there are more blobs than
+  // can be looked at.
+  void Find(const ImageView& image, const PixelRect& part, size_t level, bool only_if_few = false);
 
   // Of the last Find. Of too many spots those of least doubt: not `has_all`.
   const std::vector<Spot>& spots() const { return spots_; }

@@ -36,9 +36,9 @@ constexpr double kWorkOfNext = 4000;
 constexpr double kWorkOfOccluded = 12000;
 constexpr double kLikelyCost = 12, kWorkOfUnlikely = 2000;  // a wand rarely begins with more
 constexpr size_t kFirstCandidates = 2;
-constexpr double kWhiteRoom = 0.01;       // of the pixels: more than saturated spheres
-constexpr double kLeastLit = 0.02;        // of the pixels
-constexpr double kMostlyItsColour = 0.2;  // of the pixels
+constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spheres
+constexpr double kLeastLit = 0.02;   // of the pixels
+constexpr double kMuchOfItsColour = 0.1, kMostlyItsColour = 0.2;  // of the pixels
 constexpr double kLittleMs = 1.8, kDimMs = 2.4;
 constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for in another level
 // A marker of which so little is seen is hidden, in any level.
@@ -123,10 +123,10 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
   const bool is_white = white_share_ > kWhiteRoom;
   Verdict verdict;
   // False: there is time for more.
-  const auto search = [&](size_t level) {
+  const auto search = [&](size_t level, bool only_if_few = false) {
     cut_short_ |= EstimatedMs() > kNoFurtherMs;
     if (EstimatedMs() > kNoFurtherMs) return true;
-    verdict = Search(image, image.Bounds(), level);
+    verdict = Search(image, image.Bounds(), level, only_if_few);
     if (verdict.wand && verdict.wand->OccludedCount() > 0 && !IsSurelyHidden(*verdict.wand) &&
         (level < SpotFinder::kPaleLevels[1] || level == SpotFinder::kContrastLevel) &&
         EstimatedMs() < kAnotherLevelMs && (is_white || IsLit(image))) {
@@ -137,10 +137,11 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
   };
   bool has_tried_contrast = false;
   // What stands out of a lit room. Rivals are told apart in other levels.
-  const auto search_contrast = [&] {
+  const auto search_contrast = [&](bool only_if_few) {
     if (has_tried_contrast || *of_parts || !(is_white || IsLit(image))) return false;
-    has_tried_contrast = true;
-    if (search(SpotFinder::kContrastLevel) && !has_rivals_) return true;
+    const bool found = search(SpotFinder::kContrastLevel, only_if_few);
+    has_tried_contrast = !only_if_few || result().over_limit == 0;
+    if (found && !has_rivals_) return true;
     verdict = Verdict();
     has_rivals_ = false;
     return false;
@@ -150,10 +151,11 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
     if (search(level) && !has_rivals_) return verdict;
     // A window's slats look alike, but have no colour.
     if (has_rivals_) break;
-    if (!IsCrowded()) {
-      if (search_contrast()) return verdict;
-      break;
-    }
+    const bool is_crowded = IsCrowded();  // this level
+    // What stands out is less than what has its colour. Of surfaces that are brighter pieces do.
+    const bool is_much = is_crowded && passed_share_ > kMuchOfItsColour;
+    if (!is_much && search_contrast(is_crowded)) return verdict;
+    if (!is_crowded) break;
     if (level == 0 && passed_share_ > kMostlyItsColour && IsLit(image)) {
       if (search(SpotFinder::kWhitenedLevel) && !has_rivals_) return verdict;
     }
@@ -165,7 +167,7 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
     return verdict;
   }
   for (const size_t level : SpotFinder::kPaleLevels) {
-    if (search(level) || search_contrast()) return verdict;
+    if (search(level) || search_contrast(false)) return verdict;
   }
   if (may_be_dim_ && EstimatedMs() < kDimMs && search(SpotFinder::kDimLevel)) return verdict;
   // Where hardly anything has a colour the spheres may be white too.
@@ -209,8 +211,8 @@ Verdict WandSearch::VerifyFound(const ImageView& image, double most_work) {
   const auto verify = [&](size_t count, double most) {
     double work = std::min(work_left_, most);
     work_left_ -= work;
-    Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, all.first(count),
-                                       kMaxFits - fits_left_, IsLit(image), &work);
+    Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, all.first(count), tried_,
+                                       IsLit(image), &work);
     work_left_ += work;
     return verdict;
   };
@@ -227,10 +229,11 @@ Verdict WandSearch::VerifyFound(const ImageView& image, double most_work) {
   return verify(all.size(), verdict.wand->OccludedCount() == 0 ? work_left_ : kWorkOfOccluded);
 }
 
-Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t level) {
+Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t level,
+                           bool only_if_few) {
   window_ = part;
   parts_left_ = false;
-  spot_finder_.Find(image, part, level);
+  spot_finder_.Find(image, part, level, only_if_few);
   verifier_.RequireContrast(spot_finder_.min_contrast_grey());
   cut_short_ |= !spot_finder_.has_all();
   standing_out_.clear();
@@ -246,6 +249,8 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
   wand_finder_.LimitFits(std::min(fits_left_, more_follow ? kFitsOfCrowded : kFitsOfLevel));
   const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_, {}, cores_, doubts_);
   fits_left_ -= wand_finder_.fits();
+  // What other levels tried was of their colours, not of what stands out.
+  tried_ = level == SpotFinder::kContrastLevel ? wand_finder_.fits() : kMaxFits - fits_left_;
   cut_short_ |= wand_finder_.cut_short() || result().cut_short;
   // The most likely are measured first.
   std::vector<std::pair<double, size_t>> order;
@@ -259,7 +264,8 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
     candidates_.push_back(found[order[i].second]);
     candidates_.back().cost = order[i].first;
   }
-  Verdict verdict = VerifyFound(image, more_follow ? kWorkOfCrowded : kWorkOfLevel);
+  const bool is_first = more_follow || level == SpotFinder::kContrastLevel;
+  Verdict verdict = VerifyFound(image, is_first ? kWorkOfCrowded : kWorkOfLevel);
   has_rivals_ = verdict.ambiguous;
   const bool all = verdict.measured == order.size();
   cut_short_ |= verdict.left_out;
@@ -328,8 +334,8 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
   work_left_ -= work;
   standing_out_ = std::move(found.blobs);
   candidates_ = std::move(found.candidates);
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
-                                     kMaxFits - fits_left_, IsLit(image), &work);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, tried_,
+                                     IsLit(image), &work);
   work_left_ += work + kept_work;
   if (verdict.wand && (found.cut_short || verdict.measured < candidates_.size())) {
     // What was left out may be as good.
@@ -360,8 +366,8 @@ void WandSearch::TryWhole(const ImageView& image, VerifiedWand* wand) {
   // Its labels are as certain as the other way round is worse.
   std::array<WandCandidate, 2> both = {*whole, *whole};
   std::ranges::reverse(both[1].blobs);
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, both,
-                                     kMaxFits - fits_left_, IsLit(image), &work);
+  Verdict verdict =
+      verifier_.Verify(image, standing_out_, wand_finder_, both, tried_, IsLit(image), &work);
   work_left_ += work;
   if (!verdict.wand || verdict.wand->blobs != whole->blobs || verdict.wand->OccludedCount() > 0 ||
       verdict.wand->cost > wand->cost + kWholeGain ||

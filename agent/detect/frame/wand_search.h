@@ -50,7 +50,9 @@ class WandSearch {
   double Unlikeness(const WandCandidate& candidate) const;
   bool IsSure(const VerifiedWand& wand) const;
   Verdict VerifyFound(const ImageView& image, double most_work);
-  Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
+  // `only_if_few`: see SpotFinder::Find.
+  Verdict Search(const ImageView& image, const PixelRect& part, size_t level,
+                 bool only_if_few = false);
   Verdict SearchPartial(const ImageView& image, double kept_work);
   void TryWhole(const ImageView& image, VerifiedWand* wand);
   Verdict SearchLevels(const ImageView& image, std::optional<VerifiedWand>* of_parts);
@@ -67,6 +69,7 @@ class WandSearch {
   std::vector<double> doubts_;          // and doubts
   std::vector<WandCandidate> candidates_;
   // Of this image: what its search may still cost, and whether anything was left out for that.
+  int tried_ = 0;  // sets of spots, among which some fit by chance
   int fits_left_ = 0;
   double work_left_ = 0;
   bool cut_short_ = false;

@@ -103,6 +103,22 @@ TEST(MeasuredMarkers, ColourShowsTheWholeOfASphereBeforeAPaleWall) {
   EXPECT_TRUE(sphere.markers.OfBlob(0).pixels.by_colour);
 }
 
+// Its own light is too weak to be measured pixel by pixel, so that a part of it was measured. What
+// found it says where to begin.
+TEST(MeasuredMarkers, ColourShowsTheWholeOfASphereOfWhichAPartWasMeasured) {
+  const double colour[3] = {1, 5, 14};
+  MeasuredSphere sphere(Render([&](double share, int, int y, int k) {
+    const double white = 60 - 40 * (y - kTruePx.y()) / kRadius;
+    return share * (colour[k] + white) + (1 - share) * 60;
+  }));
+  ASSERT_TRUE(sphere.good);
+  EXPECT_LT(sphere.markers.OfBlob(0).centre.radius_px, 0.8 * kRadius);
+  const std::optional<SphereOutline> coloured = sphere.markers.OutlineByColour(sphere.View(), 0);
+  ASSERT_TRUE(coloured.has_value());
+  EXPECT_LT((coloured->centre_px - kTruePx).norm(), 0.1);
+  EXPECT_NEAR(coloured->radius_px, kRadius, 0.2);
+}
+
 // Before a dark wall the brightness shows all of it.
 TEST(MeasuredMarkers, ColourIsNotAskedWhereASphereStandsOut) {
   const double colour[3] = {40, 95, 175};

@@ -161,5 +161,33 @@ TEST(SpotFinder, ADiscThatAddsLittleToAWallIsFoundByItsContrast) {
   }
 }
 
+// White light that a thing does not reflect is no light of the wand.
+TEST(SpotFinder, ABlackDiscBeforeABluishWallIsNoSpot) {
+  SpotFinder finder = MustCreate();
+  Picture picture(0);
+  picture.Fill(0, 0, kWidth, kHeight, {70, 60, 52});
+  picture.AddDisc(300, 200, 7, {6, 6, 6});
+  picture.AddDisc(400, 200, 7, {70, 78, 84});
+  finder.BeginImage();
+  finder.Find(picture.View(), picture.View().Bounds(), SpotFinder::kContrastLevel);
+  EXPECT_TRUE(SpotsAt(finder, 300, 200, 3).empty());
+  EXPECT_EQ(SpotsAt(finder, 400, 200, 0.6).size(), 1u);
+}
+
+// A pattern all over leaves no time for other levels.
+TEST(SpotFinder, OfAPatternNothingStandsOutIfOnlyAFewMay) {
+  SpotFinder finder = MustCreate();
+  Picture picture(20);
+  for (int y = 10; y < kHeight - 10; y += 14) {
+    for (int x = 10; x < kWidth - 10; x += 14) picture.AddDisc(x, y, 4, {20, 60, 130});
+  }
+  for (const bool only_if_few : {false, true}) {
+    finder.BeginImage();
+    finder.Find(picture.View(), picture.View().Bounds(), SpotFinder::kContrastLevel, only_if_few);
+    EXPECT_GT(finder.result().over_limit, 0);
+    EXPECT_EQ(finder.spots().empty(), only_if_few);
+  }
+}
+
 }  // namespace
 }  // namespace rigcal::agent::spot_finder_test

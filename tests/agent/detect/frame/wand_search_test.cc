@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/detect/frame/wand_search.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -28,7 +29,8 @@ struct Searched {
 };
 
 // Of a wand before a window, the right side of whose third sphere is hidden from `right` radii on.
-Searched SearchHidden(double right) {
+// `white`: whatever is of the wand's colour is.
+Searched SearchHidden(double right, bool white = false) {
   FrameRenderOptions room = RenderedWand::QuietRoom();
   room.lux = 300;
   room.auto_gain = true;
@@ -38,6 +40,9 @@ Searched SearchHidden(double right) {
   scene.Fill(0, 400, 640, 80, 255, 255, 255);
   scene.Fill(static_cast<int>(hidden.centre_px.x() + right * hidden.radius_px),
              static_cast<int>(hidden.centre_px.y()) - 20, 30, 40, 30, 30, 30);
+  for (size_t i = 0; white && i < scene.pixels.size(); i += 3) {
+    if (scene.pixels[i + 2] > 90) std::fill_n(scene.pixels.begin() + i, 3, uint8_t{255});
+  }
   const WandDetectorOptions options;
   auto finder = SpotFinder::Create(options);
   EXPECT_THAT(finder, ::rigcal::testing::IsOk());
@@ -48,6 +53,12 @@ Searched SearchHidden(double right) {
   searched.wand = search.SearchAll(scene.View()).wand;
   searched.last_level = search.spot_finder().level();
   return searched;
+}
+
+// Windows are full of pairs of white things.
+TEST(WandSearch, TwoWhiteSpheresAndAPartAreNoWandInALitRoom) {
+  for (const double right : {-0.5, -0.3, 0.0})
+    EXPECT_FALSE(SearchHidden(right, true).wand) << right;
 }
 
 // The next level would be as much work again, and show no more of it.

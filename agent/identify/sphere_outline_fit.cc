@@ -30,7 +30,7 @@ constexpr double kSettledPx = 0.004, kSettledCost = 0.5;
 constexpr double kNearlyPx = 0.03, kNearlyCost = 2;  // is enough in the end
 constexpr double kSameCost = 1e-3;                   // single precision
 constexpr size_t kSectors = kOutlineSectors;
-constexpr double kOffPx = 0.3, kOffShare = 0.03;  // of an edge that is not on the outline
+constexpr double kOffPx = 0.3, kOffShare = 0.03;       // of an edge that is not on the outline
 constexpr double kOffNoises = 2, kMostOffNoise = 1.2;  // sigmas; of the above
 constexpr double kLeastFollows = 0.6;
 constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'

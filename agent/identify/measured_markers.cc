@@ -84,7 +84,7 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
   measured.blob_area_px = seen.area_px;
   measured.blob_moment_px2 = seen.second_moment_px2;
   measured.tried = measured.retried = measured.by_others = false;
-  measured.tried_colour = measured.is_coloured = false;
+  measured.tried_colour = false;
   measured.outline.reset();
   measured.coloured.reset();
   measured.beside.reset();
@@ -231,13 +231,12 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineByColour(const Image
 void MeasuredMarkers::TakeColour(int blob) {
   MeasuredMarker& measured = OfBlob(blob);
   measured.outline = measured.coloured;
-  measured.is_coloured = true;
   std::swap(measured.pixels, measured.coloured_pixels);
 }
 
 void MeasuredMarkers::PreferColour(const ImageView& image, int blob) {
   const MeasuredMarker& measured = OfBlob(blob);
-  if (!measured.outline || measured.is_coloured || IsClearlySeen(measured.outline)) return;
+  if (!measured.outline || measured.outline->by_colour || IsClearlySeen(measured.outline)) return;
   const auto seen = [](const SphereOutline& one) { return one.on_outline - one.off_outline; };
   const auto& coloured = OutlineByColour(image, blob);
   if (coloured && seen(*coloured) > seen(*measured.outline) + kMoreSeen) TakeColour(blob);
@@ -247,7 +246,7 @@ void MeasuredMarkers::FitBeside(const ImageView& image, int blob) {
   MeasuredMarker& measured = OfBlob(blob);
   const MarkerCentre& centre = measured.centre;
   if (!measured.outline || centre.has_neighbour || measured.beside || measured.by_others ||
-      measured.is_coloured || centre.cut || centre.background_steps < kUnevenBackground ||
+      measured.outline->by_colour || centre.cut || centre.background_steps < kUnevenBackground ||
       measured.outline->edge_px > kMostEdgePx) {
     return;
   }

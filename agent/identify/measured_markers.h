@@ -27,7 +27,7 @@ struct MeasuredMarker {
   // By its colour without white (OutlineByColour), and whether it is the outline now.
   std::optional<SphereOutline> coloured;
   OutlinePixels coloured_pixels;
-  bool tried_colour = false, is_coloured = false;
+  bool tried_colour = false;
   // How far the background right beside it moved it, against what is further away.
   Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();
   std::optional<Blob> beside;  // another marker that it overlaps with

@@ -22,11 +22,11 @@ bool IsInBlob(const Eigen::Vector2d& centre_px, const Blob& blob) {
   return (centre_px - blob.centre_px).norm() < kOwnPlacePx + kOwnPlace * radius_px;
 }
 
-void SetOutline(const SphereOutline& outline, bool by_colour, MarkerCentre* centre) {
+void SetOutline(const SphereOutline& outline, MarkerCentre* centre) {
   centre->centre_px = outline.centre_px;
   centre->radius_px = outline.radius_px;
   centre->covariance_px2 = std::max(1.0, Squared(outline.residual)) * outline.covariance_px2;
-  if (by_colour) centre->covariance_px2 *= kSharedNoise;
+  if (outline.by_colour) centre->covariance_px2 *= kSharedNoise;
   centre->skewness = 0;
 }
 
@@ -34,8 +34,7 @@ void SetOutline(const SphereOutline& outline, bool by_colour, MarkerCentre* cent
 
 void RestoreByOutlines(const ImageView& image, absl::Span<const Blob> blobs,
                        MeasuredMarkers* markers, VerifiedWand* wand) {
-  const auto restore = [&](size_t k, const std::optional<SphereOutline>& outline,
-                           bool by_colour = false) {
+  const auto restore = [&](size_t k, const std::optional<SphereOutline>& outline) {
     const Blob& blob = blobs[static_cast<size_t>(wand->blobs[k])];
     MarkerCentre& centre = wand->centres[k];
     const bool is_cut = centre.cut || blob.touches_border;
@@ -43,7 +42,7 @@ void RestoreByOutlines(const ImageView& image, absl::Span<const Blob> blobs,
       return false;
     }
     wand->whole[k] = true;
-    SetOutline(*outline, by_colour, &centre);
+    SetOutline(*outline, &centre);
     if (is_cut) centre.second_moment_px2 = outline->SecondMoment();
     return true;
   };
@@ -54,7 +53,7 @@ void RestoreByOutlines(const ImageView& image, absl::Span<const Blob> blobs,
     const bool is_cut = centre.cut || blobs[static_cast<size_t>(wand->blobs[k])].touches_border;
     const bool may_be = centre.contrast_grey > 0 && HiddenShare(*wand, k) < kMostHidden;
     if (may_be && restore(k, markers->OutlineOf(image, wand->blobs[k]))) continue;
-    if (may_be && restore(k, markers->OutlineByColour(image, wand->blobs[k]), true)) {
+    if (may_be && restore(k, markers->OutlineByColour(image, wand->blobs[k]))) {
       markers->TakeColour(wand->blobs[k]);
       continue;
     }
@@ -73,10 +72,11 @@ std::optional<ColouredWand> WithColouredOutlines(const ImageView& image, int par
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     if (!wand.whole[k] || static_cast<int>(k) == partial) continue;
     const MeasuredMarker& measured = markers->OfBlob(wand.blobs[k]);
-    if (!measured.tried || measured.is_coloured || IsClearlySeen(measured.outline)) continue;
+    if (!measured.tried || IsClearlySeen(measured.outline)) continue;
+    if (measured.outline && measured.outline->by_colour) continue;
     const auto& outline = markers->OutlineByColour(image, wand.blobs[k]);
     if (!outline) continue;
-    SetOutline(*outline, true, &coloured.wand.centres[k]);
+    SetOutline(*outline, &coloured.wand.centres[k]);
     coloured.blobs.push_back(wand.blobs[k]);
   }
   if (coloured.blobs.empty()) return std::nullopt;

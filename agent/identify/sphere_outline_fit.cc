@@ -338,6 +338,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
       covariance.block<2, 2>(kOutlineSlopeX, kOutlineSlopeX) / (brightness * brightness);
   start->cost = system.cost;
   start->white = shading.white;
+  start->by_colour = pixels.by_colour;
   start->parameters = q;
   start->stretch = -q.segment<2>(kOutlineStretch);
   start->edge_px = std::sqrt(q[kOutlineEdge]);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -81,14 +82,20 @@ TEST(MeasuredMarkers, FitsAgainstWhatIsRightBesideASphere) {
   EXPECT_LT((sphere.markers.OutlineOf(sphere.View(), 0)->centre_px - kTruePx).norm(), 0.04);
 }
 
+// A sphere of its own `light` before a `wall`, on which white light from above is as bright as that
+// in its middle, and brighter by `shading` at its top.
+std::vector<uint8_t> BeforePaleWall(const std::array<double, 3>& light, double wall,
+                                    double shading) {
+  return Render([&](double share, int, int y, int k) {
+    const double white = wall - shading * (y - kTruePx.y()) / kRadius;
+    return share * (light[static_cast<size_t>(k)] + white) + (1 - share) * wall;
+  });
+}
+
 // White light from above on a sphere in front of a pale wall, of which its lower half is as bright:
 // the outline of what differs is that of a smaller sphere.
 TEST(MeasuredMarkers, ColourShowsTheWholeOfASphereBeforeAPaleWall) {
-  const double colour[3] = {4, 14, 36};
-  MeasuredSphere sphere(Render([&](double share, int, int y, int k) {
-    const double white = 100 - 45 * (y - kTruePx.y()) / kRadius;
-    return share * (colour[k] + white) + (1 - share) * 100;
-  }));
+  MeasuredSphere sphere(BeforePaleWall({4, 14, 36}, 100, 45));
   ASSERT_TRUE(sphere.good);
   const std::optional<SphereOutline> bright = sphere.markers.OutlineOf(sphere.View(), 0);
   const std::optional<SphereOutline> coloured = sphere.markers.OutlineByColour(sphere.View(), 0);
@@ -101,16 +108,15 @@ TEST(MeasuredMarkers, ColourShowsTheWholeOfASphereBeforeAPaleWall) {
   sphere.markers.PreferColour(sphere.View(), 0);
   EXPECT_EQ(sphere.markers.OutlineOf(sphere.View(), 0)->centre_px, coloured->centre_px);
   EXPECT_TRUE(sphere.markers.OfBlob(0).pixels.by_colour);
+  // Its variance is that of colour whenever it is looked at again.
+  EXPECT_TRUE(sphere.markers.OutlineOf(sphere.View(), 0)->by_colour);
+  EXPECT_TRUE(bright && !bright->by_colour);
 }
 
 // Its own light is too weak to be measured pixel by pixel, so that a part of it was measured. What
 // found it says where to begin.
 TEST(MeasuredMarkers, ColourShowsTheWholeOfASphereOfWhichAPartWasMeasured) {
-  const double colour[3] = {1, 5, 14};
-  MeasuredSphere sphere(Render([&](double share, int, int y, int k) {
-    const double white = 60 - 40 * (y - kTruePx.y()) / kRadius;
-    return share * (colour[k] + white) + (1 - share) * 60;
-  }));
+  MeasuredSphere sphere(BeforePaleWall({1, 5, 14}, 60, 40));
   ASSERT_TRUE(sphere.good);
   EXPECT_LT(sphere.markers.OfBlob(0).centre.radius_px, 0.8 * kRadius);
   const std::optional<SphereOutline> coloured = sphere.markers.OutlineByColour(sphere.View(), 0);

@@ -252,12 +252,23 @@ test('two people: who starts second is told', async () => {
   await visit(sizes[0], {}, async ({ server, address, page }) => {
     await page.goto(address);
     await page.getByRole('button', { name: 'Start capture' }).waitFor();
-    // The page cannot know of the other one yet: its next look at the state is held back.
-    await page.route('**/v1/live**', (route) => new Promise((done) => setTimeout(() => done(route.continue()), 2000)));
+    // The page cannot know of the other one yet: its looks at the state are held back. It has one look under way at
+    // a time, so once one is held, the answers of all before it have been shown.
+    let letGo = (): void => {};
+    const free = new Promise<void>((done) => { letGo = done; });
+    await new Promise<void>((isHeld) => {
+      void page.route('**/v1/live**', async (route) => {
+        isHeld();
+        await free;
+        await route.continue();
+      });
+    });
     server.rig.create({ id: 's-other', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] } });
     server.rig.start();
     await page.getByRole('button', { name: 'Start capture' }).click();
     await page.getByText('session s-other captures').waitFor();
+    letGo();
+    await page.getByRole('button', { name: 'Stop capture' }).waitFor();
     await page.unrouteAll({ behavior: 'ignoreErrors' });
   });
 });

@@ -15,6 +15,7 @@ constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
 constexpr double kMostOffOutline = 0.15;
 // Where hardly any is elsewhere the others may be like what is behind them.
 constexpr double kLeastOnClearOutline = 0.55, kMostOffClearOutline = 0.03;
+constexpr double kLeastOnByOthers = 0.4;  // of the size that the others say
 constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
 constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
 constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
@@ -31,10 +32,11 @@ constexpr double kWorkOfFit = 500;  // in the pixels that a measurement reads
 
 }  // namespace
 
-bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut) {
+bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut, bool by_others) {
   if (!outline) return false;
-  const double least =
-      outline->off_outline <= kMostOffClearOutline ? kLeastOnClearOutline : kLeastOnOutline;
+  const double least = outline->off_outline > kMostOffClearOutline ? kLeastOnOutline
+                       : by_others                                 ? kLeastOnByOthers
+                                                                   : kLeastOnClearOutline;
   return outline->on_outline >= (is_cut ? kLeastOfCutOutline : least) &&
          outline->off_outline <= (is_cut ? kMostOffCutOutline : kMostOffOutline) &&
          outline->stretch.norm() <= kMostStretch + kMostStretchPx / outline->radius_px;
@@ -194,7 +196,7 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineIn(const ImageView& 
                &retry_, &again)) {
     return outline;
   }
-  if (!IsOnOutline(again)) return outline;
+  if (!IsOnOutline(again, false, true)) return outline;
   measured.outline = again;
   measured.by_others = true;
   std::swap(measured.pixels, retry_);

@@ -34,8 +34,10 @@ struct MeasuredMarker {
 };
 
 // A whole sphere's outline. Beyond the border (`is_cut`) there is nothing to be seen of an outline,
-// but nothing else either.
-bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut = false);
+// but nothing else either. `by_others`: of the size that the others say, so that less of it will
+// do.
+bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut = false,
+                 bool by_others = false);
 
 // Nearly all around.
 bool IsClearlySeen(const std::optional<SphereOutline>& outline);

@@ -29,8 +29,8 @@ struct OutlineMatch {
 // slats are hardly ever spheres as exactly, or stand out less.
 double OutlineEvidence(absl::Span<const OutlineMatch> outlines);
 
-// What the colours of a wand of which no marker is hidden add in a lit room, at most 0: its LEDs
-// are of one colour, within 0.067 rad for 99.5 % of rendered wands; labels of books are not.
+// What the colours of a wand of which all markers were measured add in a lit room, at most 0: its
+// LEDs are of one colour, within 0.067 rad for 99.5 % of rendered wands; labels of books are not.
 // Clipped channels say less.
 double ColourEvidence(const VerifiedWand& wand);
 

@@ -49,6 +49,8 @@ constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
 constexpr double kExcused = 0.75;  // of lopsidedness
 constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostMisfit = 2.5;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
+// Of the other two outlines, where the third marker was measured and is not whole.
+constexpr double kHiddenEvidence = 0.75;
 constexpr double kRowEvidence = 4;         // against a wand in a row of things that look like it
 constexpr double kOffOutlineSigma = 0.08;  // of the sectors
 constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
@@ -70,6 +72,10 @@ double Misfit(const MarkerCentre& centre, const SphereOutline& outline) {
 
 double WandVerifier::ConfidenceOf(double cost) const {
   return 1 / (1 + std::exp((cost + chance_cost_ - kHalfCost) / kCostScale));
+}
+
+bool WandVerifier::IsByEvidence(const VerifiedWand& wand) const {
+  return ConfidenceOf(wand.cost) < min_confidence_;
 }
 
 std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
@@ -171,8 +177,10 @@ bool WandVerifier::FitPose(const WandFinder& finder, int partial, VerifiedWand* 
     if (static_cast<int>(k) == partial) continue;
     radius += 0.5 * centre.radius_px;
     sight.radius_px = centre.radius_px;
-    sight.sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace() + Squared(kPlaceFloorPx));
-    sight.radius_sigma_px = kVerifiedRadiusPx + kVerifiedRadiusShare * centre.radius_px;
+    const double variance_px2 = 0.5 * centre.covariance_px2.trace();
+    sight.sigma_px = std::sqrt(variance_px2 + Squared(kPlaceFloorPx));
+    sight.radius_sigma_px = std::hypot(kVerifiedRadiusPx + kVerifiedRadiusShare * centre.radius_px,
+                                       std::sqrt(variance_px2));
     sight.radius_px += kSmallerPx * centre.saturated_behind;
     sight.radius_sigma_px =
         std::hypot(sight.radius_sigma_px, kSmallerSigmaPx * centre.saturated_behind);
@@ -291,7 +299,7 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
 }
 
 double WandVerifier::EvidenceOfOutlines(const ImageView& image, const VerifiedWand& wand) {
-  if (!wand.has_part && wand.OccludedCount() > 0) return 0;
+  const bool is_whole = wand.OccludedCount() == 0;
   absl::InlinedVector<OutlineMatch, 2> matches;
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     if (!wand.whole[k]) continue;
@@ -299,11 +307,12 @@ double WandVerifier::EvidenceOfOutlines(const ImageView& image, const VerifiedWa
     matches.emplace_back();
     if (!outline) continue;
     // Few large things are round, and dim spheres fit no better, by their noise.
-    const bool is_likely = !wand.has_part && wand.centres[k].radius_px > kResolvedPx;
+    const bool is_likely = is_whole && wand.centres[k].radius_px > kResolvedPx;
     matches.back() = {is_likely ? 0 : Misfit(wand.centres[k], *outline), outline->off_outline};
   }
-  return wand.has_part ? OutlineEvidence(matches)
-                       : WholeOutlineEvidence(matches) + ColourEvidence(wand);
+  if (wand.has_part) return OutlineEvidence(matches);
+  return ColourEvidence(wand) +
+         (is_whole ? WholeOutlineEvidence(matches) : kHiddenEvidence * OutlineEvidence(matches));
 }
 
 bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {

@@ -44,6 +44,8 @@ class WandVerifier {
   // Centres of the outlines of the last Verify's wand where those can be fitted. False: they show
   // that fewer than two of its markers are whole, so it is no wand.
   [[nodiscard]] bool FitOutlines(const ImageView& image, VerifiedWand* wand);
+  // Whether a wand of the last Verify would be none without the evidence for it.
+  bool IsByEvidence(const VerifiedWand& wand) const;
 
  private:
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,

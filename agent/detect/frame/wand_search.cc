@@ -17,17 +17,19 @@ namespace {
 // Of wands of which a marker is hidden.
 constexpr size_t kMaxPartial = 12, kFewThings = 12;
 constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may be
-constexpr double kWorkOfPartial = 4000, kShareOfPartial = 1.0 / 3;  // their verification
-constexpr double kWorkOfParts = 4500;                               // of both, what others leave
-constexpr double kWorkOfWhole = 7000;                               // that another look finds
-constexpr double kPartialLabels = 0.65;                             // their confidence
+constexpr double kWorkOfPartial = 5500, kShareOfPartial = 0.45;  // their verification
+constexpr double kWorkOfParts = 4500;                            // of both, what others leave
+constexpr double kWorkOfWhole = 7000;                            // that another look finds
+constexpr double kPartialLabels = 0.65;                          // their confidence
 
 // What a search may cost; a wand in a room takes a twentieth of it.
-constexpr int kMaxFits = 500;  // of wands to spots, 2.5 us each
+constexpr int kMaxFits = 500;  // of wands to spots
 constexpr int kFitsOfLevel = 300;
 constexpr int kMaxCandidates = 200;  // that are compared by their colour
 constexpr size_t kMaxMeasured = 30;  // of them
-constexpr double kMaxWork = 28000;   // of MarkerMeter::WorkOf, 110 ns each
+constexpr double kMaxWork = 28000;   // of MarkerMeter::WorkOf
+constexpr double kMsOfWork = 110e-6, kMsOfFit = 2500e-6;
+constexpr double kMostMs = 5.75;  // all together: what spots took is taken off the work
 constexpr double kWorkOfLevel = 8000;
 // Of a level of a crowded picture: something is left for those that follow.
 constexpr int kFitsOfCrowded = 150;
@@ -74,6 +76,8 @@ void WandSearch::StartImage() {
   verifier_.StartImage();
   fits_left_ = kMaxFits;
   work_left_ = kMaxWork;
+  work_cut_ = 0;
+  by_evidence_.reset();
 }
 
 double WandSearch::ShareOf(int64_t count_px) const {
@@ -94,8 +98,19 @@ bool WandSearch::IsLit(const ImageView& image) {
 
 // By what was done, so that it is the same on every computer.
 double WandSearch::EstimatedMs() const {
-  return spot_finder_.EstimatedMs() +
-         1e-6 * (2500.0 * (kMaxFits - fits_left_) + 110.0 * (kMaxWork - work_left_));
+  return TimeOfSpotsMs() + kMsOfWork * (kMaxWork - work_cut_ - work_left_);
+}
+
+double WandSearch::TimeOfSpotsMs() const {
+  return spot_finder_.EstimatedMs() + kMsOfFit * (kMaxFits - fits_left_);
+}
+
+void WandSearch::CutWork() {
+  const double most = (kMostMs - TimeOfSpotsMs()) / kMsOfWork;
+  // The work left may be below zero: the last look may cost more than was left for it.
+  const double cut = std::max(0.0, std::min(kMaxWork - most - work_cut_, work_left_));
+  work_cut_ += cut;
+  work_left_ -= cut;
 }
 
 Verdict WandSearch::SearchAll(const ImageView& image) {
@@ -104,6 +119,7 @@ Verdict WandSearch::SearchAll(const ImageView& image) {
   if (!verdict.wand && !verdict.ambiguous && !of_parts && parts_left_) {
     verdict = SearchPartial(image, 0);
   }
+  if (!verdict.wand && !verdict.ambiguous && !of_parts) verdict.wand = std::move(by_evidence_);
   const double gain = verdict.wand && verdict.wand->OccludedCount() == 0 ? kWholeGain : 0;
   if (of_parts && (!verdict.wand || verdict.wand->cost > of_parts->cost + gain)) {
     verdict = Verdict();
@@ -264,9 +280,18 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
     candidates_.push_back(found[order[i].second]);
     candidates_.back().cost = order[i].first;
   }
+  CutWork();
   const bool is_first = more_follow || level == SpotFinder::kContrastLevel;
   Verdict verdict = VerifyFound(image, is_first ? kWorkOfCrowded : kWorkOfLevel);
   has_rivals_ = verdict.ambiguous;
+  if (verdict.wand && verdict.wand->OccludedCount() > 0 && verifier_.IsByEvidence(*verdict.wand)) {
+    // Another search may show all of it, and loses nothing by this one.
+    const bool is_better = !by_evidence_ || verdict.wand->cost < by_evidence_->cost;
+    if (is_better && part == image.Bounds() && verifier_.FitOutlines(image, &*verdict.wand)) {
+      by_evidence_ = std::move(verdict.wand);
+    }
+    verdict.wand.reset();
+  }
   const bool all = verdict.measured == order.size();
   cut_short_ |= verdict.left_out;
   if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) {
@@ -342,11 +367,11 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
     const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
       return one.blobs == verdict.wand->blobs;
     });
+    const double its_cost = std::min(chosen->cost, verdict.wand->cost);
     const bool is_rival = verdict.measured < candidates_.size() &&
-                          candidates_[verdict.measured].cost < chosen->cost + kSureCost;
+                          candidates_[verdict.measured].cost < its_cost + kSureCost;
     const bool is_short = chosen->has_stick ? found.cut_stick : found.cut_short;
-    const bool is_sure = std::min(chosen->cost, verdict.wand->cost) <= kSureCost;
-    if (is_rival || (is_short && !is_sure)) verdict.wand.reset();
+    if (is_rival || (is_short && its_cost > kSureCost)) verdict.wand.reset();
   }
   const double least = few ? 0 : LeastPartialConfidence(found.tried, IsLit(image));
   if (verdict.wand &&

@@ -47,6 +47,9 @@ class WandSearch {
   bool IsCrowded() const;
   bool IsLit(const ImageView& image);
   double EstimatedMs() const;
+  double TimeOfSpotsMs() const;
+  // Leaves as much work as there is time for.
+  void CutWork();
   double Unlikeness(const WandCandidate& candidate) const;
   bool IsSure(const VerifiedWand& wand) const;
   Verdict VerifyFound(const ImageView& image, double most_work);
@@ -71,8 +74,10 @@ class WandSearch {
   // Of this image: what its search may still cost, and whether anything was left out for that.
   int tried_ = 0;  // sets of spots, among which some fit by chance
   int fits_left_ = 0;
-  double work_left_ = 0;
+  double work_left_ = 0, work_cut_ = 0;
   bool cut_short_ = false;
+  // Of all its searches: with a marker that is not whole, which only evidence makes a wand.
+  std::optional<VerifiedWand> by_evidence_;
   bool parts_left_ = false;  // the last Search looked for whole wands only
   bool has_rivals_ = false;  // the last Search measured two wands that are equally good
   double passed_share_ = 0, white_share_ = 0;

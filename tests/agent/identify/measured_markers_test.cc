@@ -24,6 +24,16 @@ TEST(IsOnOutline, LessOfTheEdgeIsEnoughWhereNoneIsElsewhere) {
   EXPECT_TRUE(IsOnOutline(outline));
 }
 
+TEST(IsOnOutline, OfTheSizeThatOthersSayLessIsEnough) {
+  SphereOutline outline;
+  outline.radius_px = 8;
+  outline.on_outline = 7.0 / 16;
+  EXPECT_FALSE(IsOnOutline(outline));
+  EXPECT_TRUE(IsOnOutline(outline, false, true));
+  outline.off_outline = 1.0 / 16;
+  EXPECT_FALSE(IsOnOutline(outline, false, true));
+}
+
 constexpr int kSize = 64;
 constexpr double kRadius = 8;
 const Eigen::Vector2d kTruePx(31.3, 32.8);

@@ -127,5 +127,45 @@ TEST(WandVerifier, SpheresBeforeAPaleWallAreWholeByTheirColour) {
   }
 }
 
+// A wand in a lit room; what is in front of its first sphere hides half of it. The other two are
+// spheres, or squares of the same area.
+std::optional<VerifiedWand> HalfHidden(bool are_spheres) {
+  constexpr std::array<double, 3> kLight = {20, 60, 150};
+  constexpr double kWall = 30, kRadius = 8, kScale = 1.6, kEdgePx = 0.6;
+  const double half_side_px = 0.5 * std::sqrt(3.14159) * kRadius;
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 1.5);
+  std::vector<uint8_t> pixels;
+  for (int y = 0; y < kViewHeight; ++y) {
+    for (int x = 0; x < kViewWidth; ++x) {
+      double share = 0;
+      for (size_t k = 0; k < kAlongPx.size(); ++k) {
+        const double dx = x - kFirstX - kScale * kAlongPx[k], dy = y - kY;
+        const double outside_px = k == 0 || are_spheres
+                                      ? std::hypot(dx, dy) - kRadius
+                                      : std::max(std::abs(dx), std::abs(dy)) - half_side_px;
+        const double seen = k == 0 ? 0.5 * std::erfc(dy / (kEdgePx * std::sqrt(2.0))) : 1;
+        share += seen * 0.5 * std::erfc(outside_px / (kEdgePx * std::sqrt(2.0)));
+      }
+      for (const double light : kLight) {
+        const double grey = share * light + kWall + noise(random);
+        pixels.push_back(static_cast<uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0))));
+      }
+    }
+  }
+  return Verified(pixels, {0.7 * kRadius, kRadius, kRadius}, kScale, true);
+}
+
+// What is seen of the third says little; that the other two are spheres says much.
+TEST(WandVerifier, OutlinesOfTheOthersAreEvidenceForAHiddenMarker) {
+  const auto wand = HalfHidden(true);
+  ASSERT_TRUE(wand.has_value());
+  EXPECT_EQ(wand->OccludedCount(), 1);
+  EXPECT_GT(wand->evidence, 6);
+  EXPECT_GT(wand->confidence, 0.9);
+  const auto squares = HalfHidden(false);
+  EXPECT_TRUE(!squares || squares->confidence < 0.3) << squares->confidence;
+}
+
 }  // namespace
 }  // namespace rigcal::agent::wand_verifier_test

@@ -29,7 +29,7 @@ constexpr int kMaxCandidates = 200;  // that are compared by their colour
 constexpr size_t kMaxMeasured = 30;  // of them
 constexpr double kMaxWork = 28000;   // of MarkerMeter::WorkOf
 constexpr double kMsOfWork = 110e-6, kMsOfFit = 2500e-6;
-constexpr double kMostMs = 5.75;  // all together: what spots took is taken off the work
+constexpr double kMostMs = 5.3;  // all together: what spots took is taken off the work
 constexpr double kWorkOfLevel = 8000;
 // Of a level of a crowded picture: something is left for those that follow.
 constexpr int kFitsOfCrowded = 150;

@@ -350,7 +350,8 @@ test('a login is asked for, a wrong token refused, the one of a link taken and r
 test('by keyboard alone: skip link, pages, start', async () => {
   await visit(sizes[0], {}, async ({ server, address, page }) => {
     await page.goto(address);
-    await page.getByRole('button', { name: 'Start capture' }).waitFor();
+    // Until the first answer there is no camera to start, and the key does not reach a button that is disabled.
+    await page.getByRole('button', { name: 'Start capture', disabled: false }).waitFor();
     await page.keyboard.press('Tab');
     assert.equal(await page.evaluate(() => document.activeElement?.textContent), 'To the content');
     await page.keyboard.press('Enter');
@@ -359,6 +360,7 @@ test('by keyboard alone: skip link, pages, start', async () => {
       await page.keyboard.press('Tab');
       if (await page.evaluate(() => document.activeElement?.textContent === 'Start capture')) break;
     }
+    assert.equal(await page.evaluate(() => document.activeElement?.textContent), 'Start capture');
     const outline = await page.evaluate(() => getComputedStyle(document.activeElement!).outlineStyle);
     assert.equal(outline, 'solid', 'the focus is visible');
     await page.keyboard.press('Enter');

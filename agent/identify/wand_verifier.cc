@@ -29,7 +29,7 @@ constexpr double kWhiteCost = 6;
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kTooAlike = 0.5;    // for its outline to be seen
 constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
-                 kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5;
+                 kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5, kMostPartialFit = 2;
 constexpr double kSeenStickGain = 2;
 constexpr double kMargin = 8;  // in cost, of a wand against the next best
 // The same two spheres the other way round are hardly ever nearer than that, and never better.
@@ -158,6 +158,8 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
                  (1 - kPartialChance) * chance_cost_;
     // Windows are full of pairs of white things.
     if (in_room_ && (IsWhite(wand) || !SaysWhichMarkers(candidate, wand))) return std::nullopt;
+    // Lamps of one kind are as round and as alike, but hardly as far apart and as large.
+    if (in_room_ && wand.fit.cost > kMostPartialFit) return std::nullopt;
     wand.has_part = true;
     wand.part_share = candidate.partial_share;
     wand.evidence = PartialEvidence(candidate, wand, UnresolvedCost(wand), in_room_);

@@ -32,10 +32,10 @@ constexpr double kWorkOfFit = 500;  // in the pixels that a measurement reads
 
 }  // namespace
 
-bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut, bool by_others) {
+bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut) {
   if (!outline) return false;
   const double least = outline->off_outline > kMostOffClearOutline ? kLeastOnOutline
-                       : by_others                                 ? kLeastOnByOthers
+                       : outline->by_others                        ? kLeastOnByOthers
                                                                    : kLeastOnClearOutline;
   return outline->on_outline >= (is_cut ? kLeastOfCutOutline : least) &&
          outline->off_outline <= (is_cut ? kMostOffCutOutline : kMostOffOutline) &&
@@ -85,7 +85,7 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
   measured.blob_px = seen.centre_px;
   measured.blob_area_px = seen.area_px;
   measured.blob_moment_px2 = seen.second_moment_px2;
-  measured.tried = measured.retried = measured.by_others = false;
+  measured.tried = measured.retried = false;
   measured.tried_colour = false;
   measured.outline.reset();
   measured.coloured.reset();
@@ -196,9 +196,8 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineIn(const ImageView& 
                &retry_, &again)) {
     return outline;
   }
-  if (!IsOnOutline(again, false, true)) return outline;
+  if (!IsOnOutline(again)) return outline;
   measured.outline = again;
-  measured.by_others = true;
   std::swap(measured.pixels, retry_);
   return measured.outline;
 }
@@ -247,7 +246,7 @@ void MeasuredMarkers::PreferColour(const ImageView& image, int blob) {
 void MeasuredMarkers::FitBeside(const ImageView& image, int blob) {
   MeasuredMarker& measured = OfBlob(blob);
   const MarkerCentre& centre = measured.centre;
-  if (!measured.outline || centre.has_neighbour || measured.beside || measured.by_others ||
+  if (!measured.outline || centre.has_neighbour || measured.beside || measured.outline->by_others ||
       measured.outline->by_colour || centre.cut || centre.background_steps < kUnevenBackground ||
       measured.outline->edge_px > kMostEdgePx) {
     return;

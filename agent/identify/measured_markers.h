@@ -22,9 +22,8 @@ struct MeasuredMarker {
   MarkerCentre centre;
   OutlinePixels pixels;
   bool tried = false, retried = false;   // to fit
-  bool by_others = false;                // with what they say of it
   std::optional<SphereOutline> outline;  // shaded
-  // By its colour without white (OutlineByColour), and whether it is the outline now.
+  // By its colour without white (OutlineByColour).
   std::optional<SphereOutline> coloured;
   OutlinePixels coloured_pixels;
   bool tried_colour = false;
@@ -34,10 +33,8 @@ struct MeasuredMarker {
 };
 
 // A whole sphere's outline. Beyond the border (`is_cut`) there is nothing to be seen of an outline,
-// but nothing else either. `by_others`: of the size that the others say, so that less of it will
-// do.
-bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut = false,
-                 bool by_others = false);
+// but nothing else either. Of one of the size that the others say less will do.
+bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut = false);
 
 // Nearly all around.
 bool IsClearlySeen(const std::optional<SphereOutline>& outline);

@@ -38,8 +38,7 @@ void RestoreByOutlines(const ImageView& image, absl::Span<const Blob> blobs,
     const Blob& blob = blobs[static_cast<size_t>(wand->blobs[k])];
     MarkerCentre& centre = wand->centres[k];
     const bool is_cut = centre.cut || blob.touches_border;
-    if (!IsOnOutline(outline, is_cut, markers->OfBlob(wand->blobs[k]).by_others) ||
-        !(is_cut || IsInBlob(outline->centre_px, blob))) {
+    if (!IsOnOutline(outline, is_cut) || !(is_cut || IsInBlob(outline->centre_px, blob))) {
       return false;
     }
     wand->whole[k] = true;

@@ -339,6 +339,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   start->cost = system.cost;
   start->white = shading.white;
   start->by_colour = pixels.by_colour;
+  start->by_others = others.radius_px > 0;
   start->parameters = q;
   start->stretch = -q.segment<2>(kOutlineStretch);
   start->edge_px = std::sqrt(q[kOutlineEdge]);

@@ -57,6 +57,7 @@ struct SphereOutline {
   double cost = 0;         // of the fit, robust, half a chi-squared
   bool white = false;      // SphereShading::white
   bool by_colour = false;  // OutlinePixels::by_colour
+  bool by_others = false;  // with an OutlineExpectation of its radius
   // Sum of squares of how far the edge is from the outline, sector by sector, each over its
   // variance by the pixels' noise, and its degrees of freedom. Noise that neighbouring pixels share
   // and a model that does not fit make it larger.

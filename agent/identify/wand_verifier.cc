@@ -279,7 +279,7 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
       cost += centre.radius_px > kResolvedPx ? kLargeNoOutlineCost : kNoOutlineCost;
       continue;
     }
-    if (markers_.OfBlob(wand.blobs[k]).by_others) cost += kByOthersCost;
+    if (outline->by_others) cost += kByOthersCost;
     const double misfit = Squared(std::max(0.0, Misfit(centre, *outline) - 1) / kResidualSigma);
     // The stick, or its shadow, in front of a sphere that is round everywhere else.
     const bool is_round =

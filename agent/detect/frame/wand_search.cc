@@ -22,14 +22,10 @@ constexpr double kWorkOfParts = 4500;                            // of both, wha
 constexpr double kWorkOfWhole = 7000;                            // that another look finds
 constexpr double kPartialLabels = 0.65;                          // their confidence
 
-// What a search may cost; a wand in a room takes a twentieth of it.
-constexpr int kMaxFits = 500;  // of wands to spots
+// What a part of a search may take of the budget.
 constexpr int kFitsOfLevel = 300;
 constexpr int kMaxCandidates = 200;  // that are compared by their colour
 constexpr size_t kMaxMeasured = 30;  // of them
-constexpr double kMaxWork = 28000;   // of MarkerMeter::WorkOf
-constexpr double kMsOfWork = 110e-6, kMsOfFit = 2500e-6;
-constexpr double kMostMs = 5.3;  // all together: what spots took is taken off the work
 constexpr double kWorkOfLevel = 8000;
 // Of a level of a crowded picture: something is left for those that follow.
 constexpr int kFitsOfCrowded = 150;
@@ -74,9 +70,7 @@ void WandSearch::StartImage() {
   passed_share_ = white_share_ = 0;
   spot_finder_.BeginImage();
   verifier_.StartImage();
-  fits_left_ = kMaxFits;
-  work_left_ = kMaxWork;
-  work_cut_ = 0;
+  budget_.StartImage();
   by_evidence_.reset();
 }
 
@@ -96,22 +90,7 @@ bool WandSearch::IsLit(const ImageView& image) {
   return *is_lit_;
 }
 
-// By what was done, so that it is the same on every computer.
-double WandSearch::EstimatedMs() const {
-  return TimeOfSpotsMs() + kMsOfWork * (kMaxWork - work_cut_ - work_left_);
-}
-
-double WandSearch::TimeOfSpotsMs() const {
-  return spot_finder_.EstimatedMs() + kMsOfFit * (kMaxFits - fits_left_);
-}
-
-void WandSearch::CutWork() {
-  const double most = (kMostMs - TimeOfSpotsMs()) / kMsOfWork;
-  // The work left may be below zero: the last look may cost more than was left for it.
-  const double cut = std::max(0.0, std::min(kMaxWork - most - work_cut_, work_left_));
-  work_cut_ += cut;
-  work_left_ -= cut;
-}
+double WandSearch::EstimatedMs() const { return budget_.EstimatedMs(spot_finder_.EstimatedMs()); }
 
 Verdict WandSearch::SearchAll(const ImageView& image) {
   std::optional<VerifiedWand> of_parts;
@@ -225,24 +204,24 @@ bool WandSearch::IsSure(const VerifiedWand& wand) const {
 Verdict WandSearch::VerifyFound(const ImageView& image, double most_work) {
   const absl::Span<const WandCandidate> all = candidates_;
   const auto verify = [&](size_t count, double most) {
-    double work = std::min(work_left_, most);
-    work_left_ -= work;
+    double work = budget_.TakeWork(most);
     Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, all.first(count), tried_,
                                        IsLit(image), &work);
-    work_left_ += work;
+    budget_.GiveBackWork(work);
     return verdict;
   };
   const size_t first = std::min(all.size(), kFirstCandidates);
-  Verdict verdict = verify(first, work_left_);
+  Verdict verdict = verify(first, budget_.work_left());
   if (all.size() == first) return verdict;
   const auto likely = static_cast<size_t>(std::ranges::count_if(
       all, [](const WandCandidate& candidate) { return candidate.cost < kLikelyCost; }));
   // A wand with a marker that is hidden may be looked for next.
-  const auto spared = [this] { return std::max(0.0, work_left_ - kWorkOfParts); };
+  const auto spared = [this] { return std::max(0.0, budget_.work_left() - kWorkOfParts); };
   if (!verdict.wand && likely > first) verdict = verify(likely, std::min(most_work, spared()));
   if (!verdict.wand && likely == all.size()) return verdict;
   if (!verdict.wand) return verify(all.size(), std::min(kWorkOfUnlikely, spared()));
-  return verify(all.size(), verdict.wand->OccludedCount() == 0 ? work_left_ : kWorkOfOccluded);
+  return verify(all.size(),
+                verdict.wand->OccludedCount() == 0 ? budget_.work_left() : kWorkOfOccluded);
 }
 
 Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t level,
@@ -262,11 +241,12 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
   }
   const bool more_follow =
       part == image.Bounds() && level < SpotFinder::kPaleLevels[0] && IsCrowded();
-  wand_finder_.LimitFits(std::min(fits_left_, more_follow ? kFitsOfCrowded : kFitsOfLevel));
+  wand_finder_.LimitFits(
+      std::min(budget_.fits_left(), more_follow ? kFitsOfCrowded : kFitsOfLevel));
   const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_, {}, cores_, doubts_);
-  fits_left_ -= wand_finder_.fits();
+  budget_.UseFits(wand_finder_.fits());
   // What other levels tried was of their colours, not of what stands out.
-  tried_ = level == SpotFinder::kContrastLevel ? wand_finder_.fits() : kMaxFits - fits_left_;
+  tried_ = level == SpotFinder::kContrastLevel ? wand_finder_.fits() : budget_.fits();
   cut_short_ |= wand_finder_.cut_short() || result().cut_short;
   // The most likely are measured first.
   std::vector<std::pair<double, size_t>> order;
@@ -280,20 +260,35 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
     candidates_.push_back(found[order[i].second]);
     candidates_.back().cost = order[i].first;
   }
-  CutWork();
+  budget_.CutWork(spot_finder_.EstimatedMs());
   const bool is_first = more_follow || level == SpotFinder::kContrastLevel;
   Verdict verdict = VerifyFound(image, is_first ? kWorkOfCrowded : kWorkOfLevel);
   has_rivals_ = verdict.ambiguous;
+  const bool all = verdict.measured == order.size();
+  cut_short_ |= verdict.left_out;
+  // What was left out may be as good.
+  const auto may_have_rivals = [&] {
+    if (all && !wand_finder_.cut_short()) return false;
+    const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
+      return one.blobs == verdict.wand->blobs;
+    });
+    const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
+    const bool sure = IsSure(*verdict.wand);
+    const double worse = sure ? kALittleWorse : WandVerifier::kClearlyWorse;
+    const bool is_set_left = wand_finder_.cut_short() && !sure &&
+                             wand_finder_.least_cost_left() < its_cost + kALittleWorse;
+    return is_set_left ||
+           (verdict.left_out && !all && order[verdict.measured].first < its_cost + worse);
+  };
   if (verdict.wand && verdict.wand->OccludedCount() > 0 && verifier_.IsByEvidence(*verdict.wand)) {
     // Another search may show all of it, and loses nothing by this one.
     const bool is_better = !by_evidence_ || verdict.wand->cost < by_evidence_->cost;
-    if (is_better && part == image.Bounds() && verifier_.FitOutlines(image, &*verdict.wand)) {
+    if (is_better && part == image.Bounds() && !may_have_rivals() &&
+        verifier_.FitOutlines(image, &*verdict.wand)) {
       by_evidence_ = std::move(verdict.wand);
     }
     verdict.wand.reset();
   }
-  const bool all = verdict.measured == order.size();
-  cut_short_ |= verdict.left_out;
   if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) {
     // Whole wands are looked for in the next levels first: light of a room whitens the spheres.
     parts_left_ = more_follow || level == SpotFinder::kContrastLevel ||
@@ -302,25 +297,11 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
     return SearchPartial(image, level < SpotFinder::kPaleLevels[1] ? kWorkOfNext : 0);
   }
   if (!verdict.wand) return verdict;
-  if (all && !wand_finder_.cut_short()) {
+  if (!may_have_rivals()) {
     if (!verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();
     return verdict;
   }
-  // What was left out may be as good.
-  const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
-    return one.blobs == verdict.wand->blobs;
-  });
-  const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
-  const bool sure = IsSure(*verdict.wand);
-  const double worse = sure ? kALittleWorse : WandVerifier::kClearlyWorse;
-  const bool is_rival_left = wand_finder_.cut_short() && !sure &&
-                             wand_finder_.least_cost_left() < its_cost + kALittleWorse;
-  verdict.ambiguous = is_rival_left || (verdict.left_out && !all &&
-                                        order[verdict.measured].first < its_cost + worse);
-  if (!verdict.ambiguous) {
-    if (!verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();
-    return verdict;
-  }
+  verdict.ambiguous = true;
   const bool is_whole = verdict.wand->OccludedCount() == 0;
   verdict.wand.reset();
   // Of two spheres and something else, another thing may be the third one's part.
@@ -335,12 +316,10 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
     if (!IsRound(spot.blob) || spot.blob.touches_border || spot.is_half) continue;
     wholes.push_back({spot.blob, spot.core, spot.doubt});
   }
-  kept_work = std::min(0.5 * work_left_, kept_work);
-  const double to_verify = std::min(kShareOfPartial * (work_left_ - kept_work), kWorkOfPartial);
-  kept_work += to_verify;
-  work_left_ -= kept_work;
-  double places = std::min(work_left_, kWorkOfPlaces);
-  work_left_ -= places;
+  const double kept = budget_.TakeWork(std::min(0.5 * budget_.work_left(), kept_work));
+  const double to_verify =
+      budget_.TakeWork(std::min(kShareOfPartial * budget_.work_left(), kWorkOfPartial));
+  double places = budget_.TakeWork(kWorkOfPlaces);
   const auto few_spots = static_cast<size_t>(
       std::ranges::count_if(spot_finder_.spots(), [](const Spot& spot) { return !spot.is_half; }));
   const bool few = few_spots <= kFewThings && result().blobs.size() <= kFewThings;
@@ -352,16 +331,13 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
     for (const Blob& blob : result().blobs) parts.push_back(blob);
   }
   PartialWands found = FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places);
-  work_left_ += std::max(0.0, places);
-  kept_work -= to_verify;
-  work_left_ += to_verify;
-  double work = std::min(work_left_, kWorkOfLevel);
-  work_left_ -= work;
+  budget_.GiveBackWork(std::max(0.0, places) + to_verify);
+  double work = budget_.TakeWork(kWorkOfLevel);
   standing_out_ = std::move(found.blobs);
   candidates_ = std::move(found.candidates);
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, tried_,
                                      IsLit(image), &work);
-  work_left_ += work + kept_work;
+  budget_.GiveBackWork(work + kept);
   if (verdict.wand && (found.cut_short || verdict.measured < candidates_.size())) {
     // What was left out may be as good.
     const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
@@ -386,14 +362,13 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
 void WandSearch::TryWhole(const ImageView& image, VerifiedWand* wand) {
   const auto whole = WholeCandidate(wand_finder_, *wand, &standing_out_);
   if (!whole) return;
-  double work = std::min(work_left_, kWorkOfWhole);
-  work_left_ -= work;
+  double work = budget_.TakeWork(kWorkOfWhole);
   // Its labels are as certain as the other way round is worse.
   std::array<WandCandidate, 2> both = {*whole, *whole};
   std::ranges::reverse(both[1].blobs);
   Verdict verdict =
       verifier_.Verify(image, standing_out_, wand_finder_, both, tried_, IsLit(image), &work);
-  work_left_ += work;
+  budget_.GiveBackWork(work);
   if (!verdict.wand || verdict.wand->blobs != whole->blobs || verdict.wand->OccludedCount() > 0 ||
       verdict.wand->cost > wand->cost + kWholeGain ||
       verdict.wand->label_confidence < kPartialLabels) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "agent/detect/frame/search_budget.h"
 #include "agent/detect/frame/spot_finder.h"
 #include "agent/identify/wand_verifier.h"
 
@@ -47,9 +48,6 @@ class WandSearch {
   bool IsCrowded() const;
   bool IsLit(const ImageView& image);
   double EstimatedMs() const;
-  double TimeOfSpotsMs() const;
-  // Leaves as much work as there is time for.
-  void CutWork();
   double Unlikeness(const WandCandidate& candidate) const;
   bool IsSure(const VerifiedWand& wand) const;
   Verdict VerifyFound(const ImageView& image, double most_work);
@@ -72,10 +70,9 @@ class WandSearch {
   std::vector<double> doubts_;          // and doubts
   std::vector<WandCandidate> candidates_;
   // Of this image: what its search may still cost, and whether anything was left out for that.
-  int tried_ = 0;  // sets of spots, among which some fit by chance
-  int fits_left_ = 0;
-  double work_left_ = 0, work_cut_ = 0;
+  SearchBudget budget_;
   bool cut_short_ = false;
+  int tried_ = 0;  // sets of spots, among which some fit by chance
   // Of all its searches: with a marker that is not whole, which only evidence makes a wand.
   std::optional<VerifiedWand> by_evidence_;
   bool parts_left_ = false;  // the last Search looked for whole wands only

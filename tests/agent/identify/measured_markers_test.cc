@@ -29,9 +29,10 @@ TEST(IsOnOutline, OfTheSizeThatOthersSayLessIsEnough) {
   outline.radius_px = 8;
   outline.on_outline = 7.0 / 16;
   EXPECT_FALSE(IsOnOutline(outline));
-  EXPECT_TRUE(IsOnOutline(outline, false, true));
+  outline.by_others = true;
+  EXPECT_TRUE(IsOnOutline(outline));
   outline.off_outline = 1.0 / 16;
-  EXPECT_FALSE(IsOnOutline(outline, false, true));
+  EXPECT_FALSE(IsOnOutline(outline));
 }
 
 constexpr int kSize = 64;

@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // What bounds a search, and what it costs a wand to look like something else.
+#include "agent/detect/frame/search_budget.h"
+
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <cstdint>
 #include <utility>
@@ -33,6 +37,34 @@ void AddDisc(int x0, int y0, int radius_px, uint8_t blue, uint8_t green, uint8_t
 // Spaced as on a wand across the line of sight.
 void AddWand(uint8_t blue, uint8_t green, uint8_t red, RenderedWand* scene) {
   for (const int x : {220, 259, 337}) AddDisc(x, 200, 7, blue, green, red, scene);
+}
+
+TEST(SearchBudget, WhatSpotsTookIsTakenOffTheWork) {
+  SearchBudget budget;
+  const double all = budget.work_left();
+  budget.CutWork(0.5);
+  EXPECT_EQ(budget.work_left(), all);
+  budget.CutWork(3);
+  const double left = budget.work_left();
+  EXPECT_LT(left, all);
+  // Work that was taken away is none that was done.
+  EXPECT_DOUBLE_EQ(budget.EstimatedMs(3), 3);
+  // Spent, it takes as long as is left, and nothing more is taken away for the same spots.
+  EXPECT_EQ(budget.TakeWork(0.25 * left), 0.25 * left);
+  budget.CutWork(3);
+  EXPECT_NEAR(budget.work_left(), 0.75 * left, 1e-6);
+  EXPECT_NEAR(budget.TakeWork(all), 0.75 * left, 1e-6);
+  const double most_ms = budget.EstimatedMs(3);
+  EXPECT_GT(most_ms, 4);
+  budget.StartImage();
+  EXPECT_EQ(budget.work_left(), all);
+  budget.UseFits(100);
+  budget.CutWork(4);
+  EXPECT_LT(budget.TakeWork(all), left);
+  EXPECT_NEAR(budget.EstimatedMs(4), most_ms, 1e-6);
+  // Spots alone may take longer; then nothing is left, and never less.
+  budget.CutWork(9);
+  EXPECT_EQ(budget.work_left(), 0);
 }
 
 TEST(SearchBudget, DiscsThatCouldBeHundredsOfWandsEndTheSearchEarly) {

@@ -15,6 +15,7 @@ constexpr double kStickEvidence = 6;  // that is seen between the others
 // Of a sliver, that is a mixture of their colour and what is around: a rim of something is one,
 // too.
 constexpr double kSliverEvidence = 1, kDarkSliverEvidence = 8;
+constexpr double kUnseenEvidence = 6;  // against a wand of which nothing is seen of the third
 constexpr double kDarkEvidence = -1, kRoomEvidence = 0.7;  // without what follows
 constexpr double kLikeColour = 0.03;    // one sigma of the difference of spheres, in rad
 constexpr double kAroundEvidence = 50;  // per share of the ring around the part that looks like it
@@ -54,6 +55,7 @@ double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand,
   if (candidate.has_stick) evidence += kStickEvidence;
   if (candidate.is_sliver) evidence += in_room ? kSliverEvidence : kDarkSliverEvidence;
   if (!in_room) return evidence + kDarkEvidence;
+  if (!candidate.is_sliver && !(candidate.partial_share > 0)) evidence -= kUnseenEvidence;
   return evidence + kRoomEvidence - Squared(ColourDifference(wand) / kLikeColour) -
          kAroundEvidence * candidate.partial_around - kUnresolvedEvidence * unresolved;
 }

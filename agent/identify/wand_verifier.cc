@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "agent/detect/blobs/blob_contrast.h"
-#include "agent/identify/alike_row.h"
+#include "agent/identify/alike_things.h"
 #include "agent/identify/outlined_centres.h"
 #include "agent/identify/overlapping_markers.h"
 #include "agent/identify/partial_evidence.h"
@@ -51,8 +51,12 @@ constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostMisfit =
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 // Of the other two outlines, where the third marker was measured and is not whole.
 constexpr double kHiddenEvidence = 0.75;
-constexpr double kRowEvidence = 4;         // against a wand in a row of things that look like it
-constexpr double kOffOutlineSigma = 0.08;  // of the sectors
+constexpr double kRowEvidence = 4;  // against a wand in a row of things that look like it
+// The same for each of such things near by, up to a few: grain of wood, leaves, labels. Hardly a
+// wand has two of them near by; most of what such things make look like a wand has four and more.
+constexpr double kAlikePartEvidence = 5, kAlikeEvidence = 1;
+constexpr int kMostAlikeThings = 5;
+constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
 constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
 
 // Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
@@ -360,12 +364,17 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
   for (VerifiedWand& wand : evaluated_) {
     wand.cost += ShapeCost(image, wand);
-    if (in_room_) wand.evidence += EvidenceOfOutlines(image, wand);
+    if (in_room_) {
+      const int alike = std::min(ThingsLike(image, blobs, wand).near_count, kMostAlikeThings);
+      wand.evidence += EvidenceOfOutlines(image, wand) -
+                       (wand.has_part ? kAlikePartEvidence : kAlikeEvidence) * alike;
+    }
     wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
   }
   Verdict verdict = Choose();
-  if (verdict.wand && in_room_ && GoesOnAsRow(image, blobs, *verdict.wand)) {
-    verdict.wand->evidence -= kRowEvidence;  // not of its rivals: they are in the row, too
+  // Not of its rivals: they are in the row, too.
+  if (verdict.wand && in_room_ && ThingsLike(image, blobs, *verdict.wand).go_on_as_row) {
+    verdict.wand->evidence -= kRowEvidence;
     verdict.wand->confidence = ConfidenceOf(verdict.wand->cost - verdict.wand->evidence);
     if (verdict.wand->confidence < min_confidence_) verdict.wand.reset();
   }

@@ -19,6 +19,7 @@
 #include "common/simulation/frames/frame_renderer.h"
 #include "common/simulation/world/simulated_world.h"
 #include "tests/testing/process.h"
+#include "tests/testing/recorded_data.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -252,6 +253,21 @@ TEST_F(AgentCommands, ReportErrorsAndExitWithOneOrTwo) {
     EXPECT_EQ(result.exit_code, one.exit_code) << one.what << "\n" << result.error;
     EXPECT_THAT(result.error, HasSubstr(one.what));
     EXPECT_EQ(result.output, "") << one.what;
+  }
+}
+
+// Three blue books and window panes were taken for a wand once; grain of wood in the second picture
+// looks like two spheres with a stick between them.
+TEST(RecordedPictures, WithoutAWandShowNone) {
+  RIGCAL_REQUIRE_RECORDED_DATA(data);
+  for (const std::string name : {"false_blue_books", "false_window_panes"}) {
+    const std::string picture = (data / "frames" / (name + ".png")).string();
+    const CommandResult result = RunCommand({"rigcal-agent", "detect", picture, "--target",
+                                             "wand:0,0.13,0.39;diameter=0.04", "-o", "json"});
+    ASSERT_EQ(result.exit_code, 0) << result.output;
+    const json report = json::parse(result.output);
+    EXPECT_EQ(report["pictures"], 1) << picture;
+    EXPECT_EQ(report["outcomes"]["wand"], 0) << picture;
   }
 }
 

@@ -27,7 +27,8 @@ double Evidence(const WandCandidate& candidate, double away_rad = 0.02, double u
 }
 
 TEST(PartialEvidence, AStickAndASliverAreMore) {
-  WandCandidate part, stick, sliver;
+  WandCandidate part, stick, sliver, unseen;
+  part.partial_share = stick.partial_share = 0.3;
   stick.has_stick = true;
   sliver.is_sliver = true;
   EXPECT_GT(Evidence(stick), Evidence(part) + 3);
@@ -35,6 +36,9 @@ TEST(PartialEvidence, AStickAndASliverAreMore) {
   EXPECT_GT(Evidence(sliver), Evidence(part));
   EXPECT_LT(Evidence(sliver), Evidence(part) + 3);
   EXPECT_GT(Evidence(sliver, 0, 0, false), Evidence(part, 0, 0, false) + 3);
+  // Nothing is seen of the third.
+  EXPECT_LT(Evidence(unseen), Evidence(part) - 3);
+  EXPECT_DOUBLE_EQ(Evidence(unseen, 0, 0, false), Evidence(part, 0, 0, false));
 }
 
 TEST(PartialEvidence, WhatIsNotAlikeOrGoesOnIsLessInALitRoom) {

@@ -2,6 +2,7 @@
 // Wands of which a sphere is not seen as a whole.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 
 #include "agent/detect/frame/wand_detector.h"
@@ -173,6 +174,42 @@ bool FindsTwoAndAHalf(bool square) {
 TEST(PartialWand, TwoSmallSpheresAreKnownByTheirOutlines) {
   EXPECT_TRUE(FindsTwoAndAHalf(false));
   EXPECT_FALSE(FindsTwoAndAHalf(true));
+}
+
+// Of two spheres and half of a third among discs of their size and colour, a ring of them around
+// the wand, each off its line.
+bool FindsTwoAmong(int discs) {
+  FrameRenderOptions room = RoomWithStick();
+  room.rod_m = 0;
+  RenderedWand scene(room);
+  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.2, 0.3, 2.6}, {1, 0, 0.1}));
+  const Eigen::Vector2d& hidden = truth.markers[2].centre_px;
+  scene.Fill(static_cast<int>(hidden.x()), static_cast<int>(hidden.y()) - 12, 12, 24, 30, 30, 30);
+  const Eigen::Vector2d middle = 0.5 * (truth.markers[0].centre_px + hidden);
+  const auto its = static_cast<size_t>(std::lround(truth.markers[0].centre_px.y()) * 640 +
+                                       std::lround(truth.markers[0].centre_px.x()));
+  const auto b = scene.pixels[3 * its], g = scene.pixels[3 * its + 1],
+             r = scene.pixels[3 * its + 2];
+  const double radius_px = truth.markers[0].radius_px;
+  for (int i = 0; i < discs; ++i) {
+    const double angle = 0.5 + i * 2 * std::numbers::pi / 6;
+    const double x = middle.x() + 60 * std::cos(angle), y = middle.y() + 60 * std::sin(angle);
+    for (int dy = -8; dy <= 8; ++dy) {
+      for (int dx = -8; dx <= 8; ++dx) {
+        if (std::hypot(dx, dy) > radius_px) continue;
+        scene.Fill(static_cast<int>(x) + dx, static_cast<int>(y) + dy, 1, 1, b, g, r);
+      }
+    }
+  }
+  scene.Fill(0, 400, 640, 80, 120, 120, 120);
+  const auto seen = Detected(scene);
+  return seen && seen->markers[0].visible && seen->markers[1].visible;
+}
+
+TEST(PartialWand, AmongThingsLikeThemTwoSpheresAndAPartAreNone) {
+  EXPECT_TRUE(FindsTwoAmong(0));
+  EXPECT_TRUE(FindsTwoAmong(1));
+  EXPECT_FALSE(FindsTwoAmong(6));
 }
 
 // Its brightness is not the wand's, but its colour and its outline are.

@@ -42,6 +42,7 @@ constexpr double kNearHueDeg = 20;  // of what a marker adds to its surroundings
 // Of the colour of a marker itself that is found by its contrast: what is black before something
 // bluish has none.
 constexpr float kLeastOwnSaturation = 0.08f, kLeastOwnGrey = 4;
+constexpr float kMuchBrighterGrey = 75;  // over all channels
 constexpr int kLargeAreaPx = 800;
 constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
 constexpr int kMostPairs = 32;                        // of each level
@@ -101,6 +102,16 @@ bool HasOwnColour(const Eigen::Vector3f& bgr) {
 bool IsNear(double hue_deg, const ColourRange& colour) {
   const double from_min = std::fmod(hue_deg - colour.hue_min_deg + 720, 360);
   return from_min <= HueWidthDeg(colour) + kNearHueDeg || from_min >= 360 - kNearHueDeg;
+}
+
+// Before something of its own hue a marker that is much brighter may differ from it by any hue.
+bool IsBrighterOfColour(const BlobContrast& contrast, const ColourRange& colour) {
+  const double most = contrast.core.maxCoeff();
+  const double from_min = std::fmod(HueDeg(contrast.core) - colour.hue_min_deg + 360, 360);
+  return (contrast.core - contrast.around).norm() >= kMuchBrighterGrey &&
+         contrast.core.norm() > contrast.around.norm() && from_min <= HueWidthDeg(colour) &&
+         most >= colour.value_min &&
+         most - contrast.core.minCoeff() >= colour.saturation_min * most;
 }
 
 // A range that also takes hues up to yellow, cyan or magenta, whichever is next to its middle:
@@ -256,7 +267,8 @@ void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut, int
     if (!HasColour(image, blob)) return;
   } else if (image.format == PixelFormat::kBgr8 &&
              (!IsNear(HueDeg(contrast->core - contrast->around), colour_) ||
-              !HasOwnColour(contrast->core))) {
+              !HasOwnColour(contrast->core)) &&
+             !IsBrighterOfColour(*contrast, colour_)) {
     return;
   }
   spot.core = contrast->core;

@@ -133,6 +133,19 @@ TEST(SpotFinder, ADimDiscIsFoundInTheDimLevelOnly) {
   }
 }
 
+// What it adds to an orange wall is nearly yellow, but it is orange itself.
+TEST(SpotFinder, ADiscOfTheWandsColourBeforeItsOwnColourStandsOut) {
+  SpotFinder finder = MustCreate();
+  for (const bool is_orange : {true, false}) {
+    Picture picture(20);
+    picture.Fill(100, 100, 400, 300, {10, 37, 128});
+    picture.AddDisc(300, 200, 7, is_orange ? Bgr{53, 139, 215} : Bgr{90, 215, 150});
+    finder.BeginImage();
+    finder.Find(picture.View(), picture.View().Bounds(), SpotFinder::kContrastLevel);
+    EXPECT_EQ(SpotsAt(finder, 300, 200, 0.5).size(), is_orange ? 1u : 0u);
+  }
+}
+
 // Its light adds little to a wall that is as bright as any sphere, or has its hue.
 TEST(SpotFinder, ADiscThatAddsLittleToAWallIsFoundByItsContrast) {
   SpotFinder finder = MustCreate();

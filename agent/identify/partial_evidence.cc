@@ -15,7 +15,9 @@ constexpr double kStickEvidence = 6;  // that is seen between the others
 // Of a sliver, that is a mixture of their colour and what is around: a rim of something is one,
 // too.
 constexpr double kSliverEvidence = 1, kDarkSliverEvidence = 8;
-constexpr double kUnseenEvidence = 6;  // against a wand of which nothing is seen of the third
+// Against a wand of whose third nothing is seen that is as bright: a thing that covers the stick
+// there, or a darker blob.
+constexpr double kUnseenEvidence = 6;
 constexpr double kDarkEvidence = -1, kRoomEvidence = 0.7;  // without what follows
 constexpr double kLikeColour = 0.03;    // one sigma of the difference of spheres, in rad
 constexpr double kAroundEvidence = 50;  // per share of the ring around the part that looks like it

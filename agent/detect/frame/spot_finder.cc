@@ -99,18 +99,18 @@ bool HasOwnColour(const Eigen::Vector3f& bgr) {
   return most - bgr.minCoeff() >= std::max(kLeastOwnGrey, kLeastOwnSaturation * most);
 }
 
-bool IsNear(double hue_deg, const ColourRange& colour) {
+// A hue of the range, or at most `beyond_deg` beyond it.
+bool IsNear(double hue_deg, const ColourRange& colour, double beyond_deg) {
   const double from_min = std::fmod(hue_deg - colour.hue_min_deg + 720, 360);
-  return from_min <= HueWidthDeg(colour) + kNearHueDeg || from_min >= 360 - kNearHueDeg;
+  return from_min <= HueWidthDeg(colour) + beyond_deg || from_min >= 360 - beyond_deg;
 }
 
 // Before something of its own hue a marker that is much brighter may differ from it by any hue.
 bool IsBrighterOfColour(const BlobContrast& contrast, const ColourRange& colour) {
   const double most = contrast.core.maxCoeff();
-  const double from_min = std::fmod(HueDeg(contrast.core) - colour.hue_min_deg + 360, 360);
   return (contrast.core - contrast.around).norm() >= kMuchBrighterGrey &&
-         contrast.core.norm() > contrast.around.norm() && from_min <= HueWidthDeg(colour) &&
-         most >= colour.value_min &&
+         contrast.core.norm() > contrast.around.norm() &&
+         IsNear(HueDeg(contrast.core), colour, 0) && most >= colour.value_min &&
          most - contrast.core.minCoeff() >= colour.saturation_min * most;
 }
 
@@ -266,7 +266,7 @@ void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut, int
   if (level_ != kContrastLevel) {
     if (!HasColour(image, blob)) return;
   } else if (image.format == PixelFormat::kBgr8 &&
-             (!IsNear(HueDeg(contrast->core - contrast->around), colour_) ||
+             (!IsNear(HueDeg(contrast->core - contrast->around), colour_, kNearHueDeg) ||
               !HasOwnColour(contrast->core)) &&
              !IsBrighterOfColour(*contrast, colour_)) {
     return;

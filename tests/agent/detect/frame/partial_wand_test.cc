@@ -176,8 +176,8 @@ TEST(PartialWand, TwoSmallSpheresAreKnownByTheirOutlines) {
   EXPECT_FALSE(FindsTwoAndAHalf(true));
 }
 
-// Of two spheres and half of a third among discs of their size and colour, a ring of them around
-// the wand, each off its line.
+// Of two spheres and a part of a third in a lit room, among discs of their size and colour: a ring
+// of them around the wand, each off its line.
 bool FindsTwoAmong(int discs) {
   FrameRenderOptions room = RoomWithStick();
   room.rod_m = 0;

@@ -20,6 +20,7 @@ constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
 constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
 constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
 constexpr int kNearRounds = 2;
+constexpr double kBrighterBehind = 0.5;  // of the contrast, where that is saturated
 // Contrast, of the brightness: what is behind it is bright, too.
 constexpr double kPale = 0.66;
 constexpr double kClearlySeen = 0.85, kMoreSeen = 0.2;  // of an edge
@@ -100,17 +101,18 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
 const std::optional<SphereOutline>& MeasuredMarkers::OutlineOf(const ImageView& image, int blob) {
   MeasuredMarker& measured = OfBlob(blob);
   if (measured.tried) return measured.outline;
-  const double work = kWorkOfFit * (measured.centre.has_neighbour ? kNearRounds : 1);
-  if (!MayWork(work)) return measured.outline;
-  measured.tried = true;
   const MarkerCentre& centre = measured.centre;
+  // Of a background that is brighter only pixels near by are collected.
+  const bool is_near = centre.has_neighbour || centre.saturated_behind > kBrighterBehind;
+  if (!MayWork(kWorkOfFit * (is_near ? kNearRounds : 1))) return measured.outline;
+  measured.tried = true;
   SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
   Eigen::Matrix2d second_moment_px2 = centre.second_moment_px2;
   // What the border leaves of a disc says nothing of its shape.
   if (centre.cut) {
     second_moment_px2 = 0.25 * Squared(centre.radius_px) * Eigen::Matrix2d::Identity();
   }
-  if (!centre.has_neighbour && !measured.beside) {
+  if (!is_near && !measured.beside) {
     if (fitter_.Fit(measured.pixels, second_moment_px2, {}, &outline)) {
       measured.outline = outline;
     }

@@ -156,7 +156,7 @@ bool IsPartlyHidden(const VerifiedWand& wand, const FittedOutlines& outlines, si
   const SphereOutline& own = *outlines[marker];
   // Before a saturated background any sphere looks smaller.
   double saturated = 0;
-  for (const uint8_t one : pixels.saturated_behind) saturated += one;
+  for (const float one : pixels.saturated_behind) saturated += static_cast<double>(one);
   if (saturated > kMostSaturatedBehind * static_cast<double>(pixels.size())) return false;
   if (MissingRadius(outlines, marker, expected, kHiddenRatio) > 0) return true;
   // More than one may be.

@@ -16,6 +16,9 @@ namespace {
 // Half width of the edge in sigmas: its density is (1 - t^2)^2, of variance 1/7.
 constexpr float kReach = 2.6457513f;
 constexpr float kLeastShape = 0.05f;
+// Of the edge's variance, what is left before a background that clips: only where the sphere covers
+// nearly all of a pixel does it darken.
+constexpr float kOutshoneEdge = 0.25f;
 constexpr float kLeastFacing = 0.02f;
 constexpr float kLeastCover = 1e-5f;
 
@@ -120,22 +123,22 @@ RIGCAL_INLINE void SumRows(const float* rows, size_t stride, const float* weight
   }
 }
 
-// Of a sphere's own light, and of white light.
+// Of a sphere's own light, and of all parameters.
 RIGCAL_CLONES void SumOwn(const float* rows, size_t stride, const float* weight,
                           const float* residual, size_t groups, WeightedRows* weighted) {
   SumRows<kOutlineOwnX>(rows, stride, weight, residual, groups, weighted);
 }
 
-RIGCAL_CLONES void SumWhite(const float* rows, size_t stride, const float* weight,
-                            const float* residual, size_t groups, WeightedRows* weighted) {
+RIGCAL_CLONES void SumAll(const float* rows, size_t stride, const float* weight,
+                          const float* residual, size_t groups, WeightedRows* weighted) {
   SumRows<kOutlineCount>(rows, stride, weight, residual, groups, weighted);
 }
 
 // One group; of the derivatives all, or only that by the radius.
 template <bool kWhite, bool kAll>
 RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restrict at_y,
-                             const float* __restrict shading, const float* __restrict parameters,
-                             float* __restrict rows) {
+                             const float* __restrict shading, const float* __restrict outshone,
+                             const float* __restrict parameters, float* __restrict rows) {
   float q[kOutlineCount];
   std::copy_n(parameters, kOutlineCount, q);
   const float per_radius = 1 / q[kOutlineRadius];
@@ -153,10 +156,11 @@ RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restri
     const float gx = (w00 * ux + w01 * uy) * per_n, gy = (w01 * ux + w11 * uy) * per_n;
     const float per_steep = 1 / std::sqrt(gx * gx + gy * gy + 1e-12f);
     const float nx = gx * per_steep, ny = gy * per_steep;  // outwards
-    const float rho = (1 - n) * per_steep;
+    const float rho = (1 - n) * per_steep - outshone[i] * q[kOutlineOutshone];
     const float cos2 = nx * nx - ny * ny, sin2 = 2 * nx * ny;
     const float shape = 1 + q[kOutlineEdgeCos] * cos2 + q[kOutlineEdgeSin] * sin2;
-    const float squared = q[kOutlineEdge] * (shape > kLeastShape ? shape : kLeastShape);
+    const float narrower = 1 - (1 - kOutshoneEdge) * outshone[i];
+    const float squared = q[kOutlineEdge] * narrower * (shape > kLeastShape ? shape : kLeastShape);
     const float per_sigma = 1 / std::sqrt(squared);
     const float z = rho * per_sigma;
     const float raw = z * (1 / kReach);
@@ -206,7 +210,7 @@ RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restri
     const float along_n = edge * per_n * per_steep * per_radius;
     // A softer edge brings light from further inside.
     const float by_width = -cover * outwards * n * (deeper - t * (radial - 1)) * kReach / per_steep;
-    const float by_sigma2 = 0.5f * per_sigma * q[kOutlineEdge] * (by_width - edge * z);
+    const float by_sigma2 = 0.5f * per_sigma * q[kOutlineEdge] * narrower * (by_width - edge * z);
     out(kOutlineCount, i) = cover * light;
     out(kOutlineRadius, i) = (edge * per_steep - (light_x * ux + light_y * uy)) * per_radius;
     if (!kAll) continue;
@@ -228,6 +232,7 @@ RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restri
     out(kOutlineOwnX, i) = w * cover * vx;
     out(kOutlineOwnY, i) = w * cover * vy;
     out(kOutlineSky, i) = w * cover * shading[i] * lambert;
+    out(kOutlineOutshone, i) = -outshone[i] * edge;
   }
 }
 
@@ -235,7 +240,8 @@ template <bool kWhite, bool kAll>
 RIGCAL_INLINE void FillGroups(const OutlinePixels& pixels, const float* parameters, size_t stride,
                               float* rows) {
   for (size_t i = 0; i + kGroup <= pixels.size(); i += kGroup, rows += stride) {
-    FillGroup<kWhite, kAll>(&pixels.x[i], &pixels.y[i], &pixels.white[i], parameters, rows);
+    FillGroup<kWhite, kAll>(&pixels.x[i], &pixels.y[i], &pixels.white[i],
+                            &pixels.saturated_behind[i], parameters, rows);
   }
 }
 
@@ -262,10 +268,11 @@ RIGCAL_CLONES void FillWhiteEdge(const OutlinePixels& pixels, const float* param
 }  // namespace
 
 void OutlinePixels::Clear() {
-  for (auto* values : {&x, &y, &coverage, &precision, &white}) values->clear();
-  saturated_behind.clear();
+  for (auto* values : {&x, &y, &coverage, &precision, &white, &saturated_behind}) {
+    values->clear();
+  }
   stick_side.clear();
-  clipped = by_colour = false;
+  clipped = by_colour = outshone = false;
 }
 
 void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_precision,
@@ -275,7 +282,8 @@ void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_pr
   coverage.push_back(its_coverage);
   precision.push_back(its_precision);
   white.push_back(its_white);
-  saturated_behind.push_back(is_saturated_behind ? 1 : 0);
+  saturated_behind.push_back(is_saturated_behind ? 1.0f : 0.0f);
+  outshone |= is_saturated_behind;
 }
 
 void OutlinePixels::FillUp() {
@@ -284,7 +292,7 @@ void OutlinePixels::FillUp() {
 
 void OutlineRows::Model(const OutlinePixels& pixels, const float* parameters, bool white_light) {
   rows_.resize(pixels.size() / kGroup * kStride);
-  is_white_ = white_light;
+  has_all_ = white_light || pixels.outshone;
   if (white_light) {
     FillWhite(pixels, parameters, kStride, rows_.data());
   } else {
@@ -295,7 +303,7 @@ void OutlineRows::Model(const OutlinePixels& pixels, const float* parameters, bo
 void OutlineRows::ModelEdge(const OutlinePixels& pixels, const float* parameters,
                             bool white_light) {
   rows_.resize(pixels.size() / kGroup * kStride);
-  is_white_ = white_light;
+  has_all_ = white_light || pixels.outshone;
   if (white_light) {
     FillWhiteEdge(pixels, parameters, kStride, rows_.data());
   } else {
@@ -307,8 +315,8 @@ void OutlineRows::Sum(const std::vector<float>& weight, const std::vector<float>
                       float* products, float* gradient) {
   WeightedRows weighted;
   const size_t groups = rows_.size() / kStride;
-  if (is_white_) {
-    SumWhite(rows_.data(), kStride, weight.data(), residual.data(), groups, &weighted);
+  if (has_all_) {
+    SumAll(rows_.data(), kStride, weight.data(), residual.data(), groups, &weighted);
   } else {
     SumOwn(rows_.data(), kStride, weight.data(), residual.data(), groups, &weighted);
   }
@@ -319,7 +327,7 @@ void OutlineRows::Sum(const std::vector<float>& weight, const std::vector<float>
     for (size_t k = 0; k < kGroup; ++k) sum += lanes[k];
     return sum;
   };
-  for (int i = 0; i < (is_white_ ? kOutlineCount : kOutlineOwnX); ++i) {
+  for (int i = 0; i < (has_all_ ? kOutlineCount : kOutlineOwnX); ++i) {
     gradient[i] = total(i, kOutlineCount);
     for (int j = 0; j <= i; ++j) products[i * kOutlineCount + j] = total(i, j);
   }

@@ -25,7 +25,8 @@ enum OutlineParameter : int {
   kOutlineBendRound,     // h3
   kOutlineOwnX,          // of white light only: the own light's g
   kOutlineOwnY,
-  kOutlineSky,  // and k
+  kOutlineSky,       // and k
+  kOutlineOutshone,  // e, px
   kOutlineCount
 };
 
@@ -42,8 +43,8 @@ struct OutlinePixels {
   // How strongly white light shades the coverage of this pixel's channel, against the channel in
   // which the marker stands out most; 1 where all channels are measured.
   std::vector<float> white;
-  // The background behind is saturated: where the outline is there, is not known well.
-  std::vector<uint8_t> saturated_behind;
+  // 1 where the background behind is saturated, else 0. An edge looks further inside there.
+  std::vector<float> saturated_behind;
   // The stick may be here: on the side of the wand's first marker 1, of its last one 2, else 0.
   // Empty: not marked (MarkStick).
   std::vector<uint8_t> stick_side;
@@ -51,6 +52,8 @@ struct OutlinePixels {
   bool clipped = false;
   // It is that of colour without white: where channels are interpolated, pixels share their noise.
   bool by_colour = false;
+  // Some of them have a saturated background.
+  bool outshone = false;
 
   void Clear();
   void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1,
@@ -64,7 +67,8 @@ struct OutlinePixels {
 class OutlineRows {
  public:
   // Fills it with the model of `parameters` (kOutlineCount of them). `white_light`: it is white
-  // light that shades the sphere, not its own.
+  // light that shades the sphere, not its own. Without it, and where no background is saturated,
+  // the model has those before kOutlineOwnX only.
   void Model(const OutlinePixels& pixels, const float* parameters, bool white_light = false);
   // The same with the derivative by the radius only.
   void ModelEdge(const OutlinePixels& pixels, const float* parameters, bool white_light);
@@ -87,7 +91,7 @@ class OutlineRows {
   }
 
   std::vector<float> rows_;
-  bool is_white_ = true;  // the light of the model
+  bool has_all_ = true;  // all parameters are the model's
 };
 
 }  // namespace rigcal::agent

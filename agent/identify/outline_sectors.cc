@@ -20,7 +20,7 @@ constexpr double kMostUsual = 5;  // of the usual variance, that a sector counts
 constexpr double kTooFar = 4;
 // What disturbs a sector disturbs its neighbours too; so much more it moves the place.
 constexpr double kShared = 3;
-constexpr double kSaturatedPx = 1;  // of an edge before a saturated background
+constexpr double kSaturatedPx = 0.3;  // of an edge before a saturated background
 constexpr double kLeastOfSector = 0.2;
 
 double MeanInformation(const SphereOutline& outline) {
@@ -106,7 +106,7 @@ SectorVariances ExtraVariances(const OutlinePixels& pixels, const SphereOutline&
   std::array<double, kOutlineParts> saturated{}, count{};
   for (size_t i = 0; i < pixels.size(); ++i) {
     const size_t s = OutlinePart(pixels, i, outline.centre_px);
-    saturated[s] += pixels.saturated_behind[i];
+    saturated[s] += static_cast<double>(pixels.saturated_behind[i]);
     count[s] += 1;
   }
   for (size_t s = 0; s < kOutlineParts; ++s) {

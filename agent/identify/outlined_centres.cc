@@ -38,8 +38,9 @@ constexpr int kLeastKnown = 6;
 constexpr double kLeastOfWhole = 0.97;  // of the radius
 constexpr double kBesideError = 0.9;    // of what the background right beside it moved a centre
 constexpr double kMovedError = 0.15;
-constexpr double kArcError = 0.1, kAloneError = 0.2;   // radii
-constexpr int kNotch = 2;                              // sectors that the stick takes
+constexpr double kArcError = 0.1, kAloneError = 0.2;  // radii
+constexpr double kMostSigma = 0.33;  // radii; less is known of one that is as good as hidden
+constexpr int kNotch = 2;            // sectors that the stick takes
 constexpr double kOddPx = 0.04, kOddError = 1;         // of the place, per error of the radius
 constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
 // Of the slopes' variance by noise, over the root of their number.
@@ -219,6 +220,8 @@ class OutlinedCentres {
     centre.covariance_px2 += moved_px * moved_px.transpose();
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
+    const double sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace());
+    if (sigma_px > kMostSigma * outline.radius_px) wand_.whole[k] = false;
   }
 
   // With what the others say and with sectors that count as much as their edges are on the outline.

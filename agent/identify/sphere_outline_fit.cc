@@ -18,6 +18,8 @@ constexpr double kShapeSigma = 0.04, kEdgeSigma = 1.5, kEdgeShapeSigma = 0.5;
 constexpr double kBendSigma = 0.3, kWhiteSigma = 1.5;
 constexpr double kMostOwnSlope = 0.2;  // one sigma, where white light can be told from it
 constexpr double kSky = 0.2, kSkySigma = 0.2;
+// What a saturated background takes off the outline.
+constexpr double kOutshonePx = 0.5, kOutshoneSigmaPx = 0.7, kMostOutshonePx = 3;
 constexpr double kUsualEdgePx2 = 0.5;  // a pixel's own width and a little blur
 constexpr float kCauchy = 2.4f;        // sigmas
 // Another attempt from further away: the mean cost of a pixel with which it may begin, and the
@@ -233,6 +235,11 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
     if (!start->white) q[kOutlineBendAlong] = q[kOutlineBendDiagonal] = 0;
     if (!(lit > 0)) return false;
   }
+  expect(kOutlineOutshone, kOutshoneSigmaPx);
+  if (pixels.outshone) {
+    expected[kOutlineOutshone] = kOutshonePx;
+    if (!(start->parameters[kOutlineRadius] > 0)) q[kOutlineOutshone] = kOutshonePx;
+  }
   if (others.radius_px > 0) {
     expected[kOutlineRadius] = others.radius_px;
     expect(kOutlineRadius, others.radius_sigma_px);
@@ -257,11 +264,14 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
     double& radius = (*at)[kOutlineRadius];
     double& edge = (*at)[kOutlineEdge];
     radius = std::clamp(radius, 0.5 * start->radius_px, 1.6 * start->radius_px);
+    double& outshone = (*at)[kOutlineOutshone];
+    outshone = std::clamp(outshone, 0.0, kMostOutshonePx);
     edge = std::clamp(edge, 0.08, 0.25 * start->radius_px * start->radius_px + 2);
   };
-  const auto step_of = [&shading](const Matrix& information, const Vector& gradient) {
-    return shading.white ? SolvedStep<kOutlineCount>(information, gradient)
-                         : SolvedStep<kOutlineOwnX>(information, gradient);
+  const bool has_all = shading.white || pixels.outshone;
+  const auto step_of = [has_all](const Matrix& information, const Vector& gradient) {
+    return has_all ? SolvedStep<kOutlineCount>(information, gradient)
+                   : SolvedStep<kOutlineOwnX>(information, gradient);
   };
   const Vector begin = q;
   System system = linearise(q);
@@ -318,7 +328,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   start->residual = std::sqrt(system.squares / free);
   const Matrix full = system.information.selfadjointView<Eigen::Lower>();
   const Matrix covariance =
-      shading.white ? InverseOf<kOutlineCount>(full) : InverseOf<kOutlineOwnX>(full);
+      has_all ? InverseOf<kOutlineCount>(full) : InverseOf<kOutlineOwnX>(full);
   // An outlier's weight falls, so that a shift of all pixels changes the sums of w r by the slope
   // of w r, 2 w^2 - w, not by w: Huber, Robust Statistics (1981), 7.6.
   start->follows = std::clamp((2 * system.slopes - system.weights) / std::max(1.0, system.weights),

@@ -101,10 +101,12 @@ struct SphereOutline {
 // each channel: o is what it adds there, negative; with rho the distance to the outline |u| = 1 to
 // first order, positive inside; F the distribution of density (1 - t^2)^2, nearly normal and of
 // finite extent; and sigma^2 = s (1 + b cos 2t + c sin 2t) by the direction t of the outline's
-// normal, so that motion blurs some sides more than others. Levenberg-Marquardt with weights of the
-// Cauchy distribution, weak priors for what a small image does not determine. The slopes g are
-// expected to be 0 within `slope_sigma`: in a small image that is evenly lit they cost precision
-// and give nothing. Buffers are kept; one thread at a time.
+// normal, so that motion blurs some sides more than others. Where the background is saturated, rho
+// is less by e and the edge half as wide: a pixel of a window that is many times as bright as the
+// sensor can tell stays white until the sphere covers nearly all of it.
+// Levenberg-Marquardt with weights of the Cauchy distribution, weak priors for what a small image
+// does not determine. The slopes g are expected to be 0 within `slope_sigma`: in a small image that
+// is evenly lit they cost precision and give nothing. Buffers are kept; one thread at a time.
 class SphereOutlineFitter {
  public:
   // `pixels`: filled up to whole groups. `start`: centre and radius, or all parameters of an

@@ -40,7 +40,7 @@ SectorEdges EdgesOf(const OutlinePixels& pixels, const SphereOutline& outline,
   std::array<double, kOutlineSectors> score{}, information{};
   for (size_t i = 0; i < pixels.size(); ++i) {
     // Before a saturated background any sphere looks smaller, and the stick tells nothing.
-    if (!(pixels.precision[i] > 0) || pixels.saturated_behind[i] != 0 ||
+    if (!(pixels.precision[i] > 0) || pixels.saturated_behind[i] > 0 ||
         (!pixels.stick_side.empty() && pixels.stick_side[i] != 0)) {
       continue;
     }

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -91,6 +92,19 @@ TEST(MeasuredMarkers, FitsAgainstWhatIsRightBesideASphere) {
   EXPECT_GT((sphere.markers.OutlineOf(sphere.View(), 0)->centre_px - kTruePx).norm(), 0.05);
   sphere.markers.FitBeside(sphere.View(), 0);
   EXPECT_LT((sphere.markers.OutlineOf(sphere.View(), 0)->centre_px - kTruePx).norm(), 0.04);
+}
+
+// All around it the background is brighter, so that nothing covers it with more light.
+TEST(MeasuredMarkers, FitsASphereBeforeASaturatedWindow) {
+  const double colour[3] = {70, 95, 120};
+  MeasuredSphere sphere(Render([&](double share, int, int, int k) {
+    return std::min(255.0, share * colour[k] + (1 - share) * 900);
+  }));
+  ASSERT_TRUE(sphere.good);
+  const auto& outline = sphere.markers.OutlineOf(sphere.View(), 0);
+  ASSERT_TRUE(IsOnOutline(outline));
+  EXPECT_LT((outline->centre_px - kTruePx).norm(), 0.05);
+  EXPECT_TRUE(sphere.markers.OfBlob(0).pixels.outshone);
 }
 
 // A sphere of its own `light` before a `wall`, on which white light from above is as bright as that

@@ -155,6 +155,16 @@ TEST(SetOutlinedCentres, WhatTheBackgroundBesideItMovedWidensItsCovariance) {
   }
 }
 
+TEST(SetOutlinedCentres, ASphereWhosePlaceIsHardlyKnownIsNotDelivered) {
+  for (const double moved_radii : {0.4, 0.55}) {
+    ThreeSpheres wand(-100);
+    wand.moved_px_[1] = {moved_radii * kRadius, 0};
+    wand.SetCentres();
+    EXPECT_EQ(wand.wand_.whole[1], moved_radii < 0.5) << moved_radii;
+    EXPECT_TRUE(wand.wand_.whole[0] && wand.wand_.whole[2]);
+  }
+}
+
 // Few sectors are known of the last sphere, which has a gap. Where another outline is as little on
 // its edge, that is no sign of something that hides it.
 bool IsWholeBeside(double waves) {
@@ -359,21 +369,24 @@ TEST(OutlineSectors, OneThatIsFarAwayAndOneBeforeASaturatedBackgroundCountLess) 
   outline.sector_score[3] = 0.6 * 400;
   OutlinePixels pixels = Disc({0, 0}, -100, 1);
   for (size_t i = 0; i < pixels.size(); ++i) {
-    pixels.saturated_behind[i] =
-        OutlineSector(static_cast<double>(pixels.x[i]), static_cast<double>(pixels.y[i])) == 8;
+    const size_t s =
+        OutlineSector(static_cast<double>(pixels.x[i]), static_cast<double>(pixels.y[i]));
+    pixels.saturated_behind[i] = s == 8 ? 1 : 0;
   }
   const EdgeScatter scatter = ScatterOfEdges({&outline})[0];
   const SectorVariances extra = ExtraVariances(pixels, outline, scatter);
   EXPECT_GT(extra[3], 0.3);
-  EXPECT_GT(extra[8], 0.2);
+  EXPECT_GT(extra[8], 0.08);
   EXPECT_LT(extra[5], 0.05);
   OutlinePixels discounted;
   Discount(pixels, outline, extra, scatter.noise, &discounted);
   for (size_t i = 0; i < pixels.size(); ++i) {
     const size_t s =
         OutlineSector(static_cast<double>(pixels.x[i]), static_cast<double>(pixels.y[i]));
-    if (s == 3 || s == 8) {
+    if (s == 3) {
       EXPECT_LE(discounted.precision[i], 0.15f * pixels.precision[i]);
+    } else if (s == 8) {
+      EXPECT_LE(discounted.precision[i], 0.19f * pixels.precision[i]);
     } else if (s == 5) {
       EXPECT_GE(discounted.precision[i], 0.2f * pixels.precision[i]);
     }

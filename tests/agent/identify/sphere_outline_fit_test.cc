@@ -113,6 +113,42 @@ TEST(SphereOutlineFitter, WhiteLightFromAboveDoesNotMoveTheCentre) {
   }
 }
 
+// A disc before a window that is four times as bright as what saturates, to the right of `from`.
+OutlinePixels BeforeAWindow(const Eigen::Vector2d& centre, double radius, double from, bool known) {
+  constexpr double kSphere = 0.8, kWindow = 4;  // of what saturates
+  OutlinePixels pixels = Disc(centre, radius, 0, 3);
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const auto x = static_cast<double>(pixels.x[i]), y = static_cast<double>(pixels.y[i]);
+    if (x < from) continue;
+    const double away = (Eigen::Vector2d(x, y) - centre).norm() - radius;
+    const double cover = 0.5 * std::erfc(away / (0.7 * std::sqrt(2.0)));
+    const double grey = std::min(1.0, cover * kSphere + (1 - cover) * kWindow);
+    pixels.coverage[i] = static_cast<float>((1 - grey) / (1 - kSphere));
+    pixels.saturated_behind[i] = known ? 1 : 0;
+    pixels.outshone |= known;
+  }
+  return pixels;
+}
+
+TEST(SphereOutlineFitter, ASaturatedBackgroundDoesNotMoveTheCentre) {
+  SphereOutlineFitter fitter;
+  const Eigen::Vector2d centre(0.2, 0.1);
+  for (const double radius : {6.0, 9.0, 14.0}) {
+    const Eigen::Matrix2d shape = 0.25 * radius * radius * Eigen::Matrix2d::Identity();
+    for (const double from : {-100.0, -0.3 * radius, 0.0, 0.3 * radius}) {
+      SphereOutline outline{.centre_px = {0, -0.2}, .radius_px = 0.95 * radius};
+      ASSERT_TRUE(fitter.Fit(BeforeAWindow(centre, radius, from, true), shape, {}, &outline));
+      EXPECT_LT((outline.centre_px - centre).norm(), 0.1) << radius << " " << from;
+      // All around, its own edge says little of the radius.
+      EXPECT_NEAR(outline.radius_px, radius, from < -radius ? 1 : 0.15) << from;
+    }
+    // That it looks smaller there moves its centre, where that is not known.
+    SphereOutline moved{.centre_px = {0, -0.2}, .radius_px = 0.95 * radius};
+    ASSERT_TRUE(fitter.Fit(BeforeAWindow(centre, radius, 0, false), shape, {}, &moved));
+    EXPECT_GT((moved.centre_px - centre).norm(), 0.25) << radius;
+  }
+}
+
 // Behind a mosaic each channel's coverage is 1 where the sphere was measured, white light included,
 // of which the channels have different shares. Its own light is uneven across the white light.
 TEST(SphereOutlineFitter, WhiteLightThroughAMosaicDoesNotMoveTheCentre) {
@@ -224,16 +260,25 @@ TEST(OutlineRows, SectorsAreEvenlyWide) {
   }
 }
 
+// A disc with a saturated background on one side.
+OutlinePixels Outshone(double radius) {
+  OutlinePixels pixels = Disc({0, 0}, radius, 0, 1);
+  pixels.outshone = true;
+  for (size_t i = 0; i < pixels.size(); ++i) pixels.saturated_behind[i] = pixels.x[i] > 0 ? 1 : 0;
+  return pixels;
+}
+
 void ExpectSlopesOfTheModel(bool white_light) {
-  OutlinePixels pixels = Disc({0, 0}, 5, 0, 1);
+  OutlinePixels pixels = Outshone(5);
   for (size_t i = 0; i < pixels.size(); i += 2) pixels.white[i] = 2.5f;
   std::array<float, kOutlineCount> parameters = {0.2f,  -0.3f, 4.3f, 0.01f,  -0.01f, 0.6f,
                                                  0.1f,  -0.1f, 1.0f, 0.2f,   -0.1f,  0.1f,
-                                                 0.05f, -0.2f, 0.1f, -0.15f, 0.2f};
+                                                 0.05f, -0.2f, 0.1f, -0.15f, 0.2f,   0.1f};
   OutlineRows rows, above, below;
   rows.Model(pixels, parameters.data(), white_light);
   for (int p = 0; p < kOutlineCount; ++p) {
-    if (!white_light && p >= kOutlineOwnX) continue;  // has no meaning there
+    // Have no meaning there.
+    if (!white_light && p >= kOutlineOwnX && p <= kOutlineSky) continue;
     const float step = white_light ? 0.001f : 0.01f;  // less across the end of the light
     const float value = parameters[static_cast<size_t>(p)];
     parameters[static_cast<size_t>(p)] = value + step;
@@ -254,10 +299,10 @@ void ExpectSlopesOfTheModel(bool white_light) {
 }
 
 TEST(OutlineRows, TheEdgeAloneIsTheSame) {
-  const OutlinePixels pixels = Disc({0, 0}, 5, 0, 1);
+  const OutlinePixels pixels = Outshone(5);
   std::array<float, kOutlineCount> parameters = {0.2f,  -0.3f, 4.3f, 0.01f, -0.01f, 0.6f,
                                                  0.1f,  -0.1f, 1.0f, 0.2f,  -0.1f,  0.1f,
-                                                 0.05f, -0.2f, 0.1f, 0.2f,  0.2f};
+                                                 0.05f, -0.2f, 0.1f, 0.2f,  0.2f,   0.3f};
   for (const bool white_light : {false, true}) {
     OutlineRows all, edge;
     all.Model(pixels, parameters.data(), white_light);
@@ -273,14 +318,16 @@ TEST(OutlineRows, SumsAllProducts) {
   OutlinePixels pixels = Disc({0, 0}, 9, 0, 1);
   std::array<float, kOutlineCount> parameters = {0.2f,  -0.3f, 8.3f, 0.01f, -0.01f, 0.6f,
                                                  0.1f,  -0.1f, 1.0f, 0.2f,  -0.1f,  0.1f,
-                                                 0.05f, -0.2f, 0.1f, 0.2f,  0.2f};
+                                                 0.05f, -0.2f, 0.1f, 0.2f,  0.2f,   0.3f};
   std::vector<float> weight, residual;
   for (size_t i = 0; i < pixels.size(); ++i) {
     weight.push_back(0.1f * static_cast<float>(i % 11));
     residual.push_back(0.01f * static_cast<float>(i % 17) - 0.08f);
   }
-  for (const bool white_light : {false, true}) {
+  for (const auto& [white_light, outshone] :
+       {std::pair(false, false), std::pair(true, false), std::pair(false, true)}) {
     OutlineRows rows;
+    if (outshone) pixels = Outshone(9);
     rows.Model(pixels, parameters.data(), white_light);
     std::array<float, kOutlineCount * kOutlineCount> products{};
     std::array<float, kOutlineCount> gradient{};
@@ -296,7 +343,7 @@ TEST(OutlineRows, SumsAllProducts) {
       }
       return std::pair(total, 1e-5 * size + 1e-9);
     };
-    for (int i = 0; i < (white_light ? kOutlineCount : kOutlineOwnX); ++i) {
+    for (int i = 0; i < (white_light || outshone ? kOutlineCount : kOutlineOwnX); ++i) {
       const auto [total, error] = sum(i, [&](size_t k) { return residual[k]; });
       ASSERT_NEAR(static_cast<double>(gradient[static_cast<size_t>(i)]), total, error) << i;
       for (int j = 0; j <= i; ++j) {

@@ -272,7 +272,7 @@ void OutlinePixels::Clear() {
     values->clear();
   }
   stick_side.clear();
-  clipped = by_colour = outshone = false;
+  clipped = by_colour = false;
 }
 
 void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_precision,
@@ -283,16 +283,19 @@ void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_pr
   precision.push_back(its_precision);
   white.push_back(its_white);
   saturated_behind.push_back(is_saturated_behind ? 1.0f : 0.0f);
-  outshone |= is_saturated_behind;
 }
 
 void OutlinePixels::FillUp() {
   while (!x.empty() && x.size() % kGroup != 0) Add(x.back(), y.back(), coverage.back(), 0);
 }
 
+bool OutlinePixels::IsOutshone() const {
+  return std::ranges::any_of(saturated_behind, [](float one) { return one > 0; });
+}
+
 void OutlineRows::Model(const OutlinePixels& pixels, const float* parameters, bool white_light) {
   rows_.resize(pixels.size() / kGroup * kStride);
-  has_all_ = white_light || pixels.outshone;
+  has_all_ = white_light || pixels.IsOutshone();
   if (white_light) {
     FillWhite(pixels, parameters, kStride, rows_.data());
   } else {
@@ -303,7 +306,7 @@ void OutlineRows::Model(const OutlinePixels& pixels, const float* parameters, bo
 void OutlineRows::ModelEdge(const OutlinePixels& pixels, const float* parameters,
                             bool white_light) {
   rows_.resize(pixels.size() / kGroup * kStride);
-  has_all_ = white_light || pixels.outshone;
+  has_all_ = white_light || pixels.IsOutshone();
   if (white_light) {
     FillWhiteEdge(pixels, parameters, kStride, rows_.data());
   } else {

@@ -52,14 +52,14 @@ struct OutlinePixels {
   bool clipped = false;
   // It is that of colour without white: where channels are interpolated, pixels share their noise.
   bool by_colour = false;
-  // Some of them have a saturated background.
-  bool outshone = false;
 
   void Clear();
   void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1,
            bool is_saturated_behind = false);
   void FillUp();
   size_t size() const { return x.size(); }
+  // Some of them have a saturated background.
+  bool IsOutshone() const;
 };
 
 // Model and its derivatives: for each group of pixels kOutlineCount derivatives, then the value,

@@ -236,7 +236,8 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
     if (!(lit > 0)) return false;
   }
   expect(kOutlineOutshone, kOutshoneSigmaPx);
-  if (pixels.outshone) {
+  const bool is_outshone = pixels.IsOutshone();
+  if (is_outshone) {
     expected[kOutlineOutshone] = kOutshonePx;
     if (!(start->parameters[kOutlineRadius] > 0)) q[kOutlineOutshone] = kOutshonePx;
   }
@@ -268,7 +269,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
     outshone = std::clamp(outshone, 0.0, kMostOutshonePx);
     edge = std::clamp(edge, 0.08, 0.25 * start->radius_px * start->radius_px + 2);
   };
-  const bool has_all = shading.white || pixels.outshone;
+  const bool has_all = shading.white || is_outshone;
   const auto step_of = [has_all](const Matrix& information, const Vector& gradient) {
     return has_all ? SolvedStep<kOutlineCount>(information, gradient)
                    : SolvedStep<kOutlineOwnX>(information, gradient);

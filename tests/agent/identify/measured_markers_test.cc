@@ -94,7 +94,7 @@ TEST(MeasuredMarkers, FitsAgainstWhatIsRightBesideASphere) {
   EXPECT_LT((sphere.markers.OutlineOf(sphere.View(), 0)->centre_px - kTruePx).norm(), 0.04);
 }
 
-// All around it the background is brighter, so that nothing covers it with more light.
+// Pixels that are brighter than their background there are none.
 TEST(MeasuredMarkers, FitsASphereBeforeASaturatedWindow) {
   const double colour[3] = {70, 95, 120};
   MeasuredSphere sphere(Render([&](double share, int, int, int k) {
@@ -104,7 +104,7 @@ TEST(MeasuredMarkers, FitsASphereBeforeASaturatedWindow) {
   const auto& outline = sphere.markers.OutlineOf(sphere.View(), 0);
   ASSERT_TRUE(IsOnOutline(outline));
   EXPECT_LT((outline->centre_px - kTruePx).norm(), 0.05);
-  EXPECT_TRUE(sphere.markers.OfBlob(0).pixels.outshone);
+  EXPECT_TRUE(sphere.markers.OfBlob(0).pixels.IsOutshone());
 }
 
 // A sphere of its own `light` before a `wall`, on which white light from above is as bright as that

@@ -125,7 +125,6 @@ OutlinePixels BeforeAWindow(const Eigen::Vector2d& centre, double radius, double
     const double grey = std::min(1.0, cover * kSphere + (1 - cover) * kWindow);
     pixels.coverage[i] = static_cast<float>((1 - grey) / (1 - kSphere));
     pixels.saturated_behind[i] = known ? 1 : 0;
-    pixels.outshone |= known;
   }
   return pixels;
 }
@@ -263,7 +262,6 @@ TEST(OutlineRows, SectorsAreEvenlyWide) {
 // A disc with a saturated background on one side.
 OutlinePixels Outshone(double radius) {
   OutlinePixels pixels = Disc({0, 0}, radius, 0, 1);
-  pixels.outshone = true;
   for (size_t i = 0; i < pixels.size(); ++i) pixels.saturated_behind[i] = pixels.x[i] > 0 ? 1 : 0;
   return pixels;
 }

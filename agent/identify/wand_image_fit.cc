@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "absl/container/inlined_vector.h"
 #include "agent/identify/squared.h"
 
 namespace rigcal::agent {

@@ -106,6 +106,7 @@ class OutlinedCentres {
     FitOutlines();
     FindArcs();
     scatters_ = ScatterOf(outlines_);
+    for (size_t k = 0; k < markers_.size(); ++k) CountUnsure(k);
     arced_ = outlines_;
     for (size_t k = 0; k < markers_.size(); ++k) {
       if (!wand_.whole[k]) continue;
@@ -169,6 +170,19 @@ class OutlinedCentres {
     for (size_t k = 0; k < markers_.size(); ++k) {
       has_outline_ |= outlines_[k].has_value();
       has_whole_ |= outlines_[k] && !IsArc(k);
+    }
+  }
+
+  // What is a sphere, and how its edge scatters, is told by all pixels; its place by those whose
+  // background is known.
+  void CountUnsure(size_t k) {
+    if (!outlines_[k]) return;
+    OutlinePixels& pixels = arcs_[k].is_all() ? *markers_[k].pixels : arcs_[k].pixels;
+    if (!pixels.CountUnsure()) return;
+    SphereOutline outline = *outlines_[k];
+    if (fitter_.Fit(pixels, wand_.centres[k].second_moment_px2, LightOver(scatters_[k].noise),
+                    &outline)) {
+      outlines_[k] = outline;
     }
   }
 

@@ -94,6 +94,34 @@ TEST(MeasuredMarkers, FitsAgainstWhatIsRightBesideASphere) {
   EXPECT_LT((sphere.markers.OutlineOf(sphere.View(), 0)->centre_px - kTruePx).norm(), 0.04);
 }
 
+// Two things behind a sphere: near the border between them nothing says what is behind a pixel, of
+// which it is seen more the further out that is.
+TEST(MeasuredMarkers, PixelsAreUnsureWhereTheBackgroundChanges) {
+  constexpr double kBorderX = 34.5;
+  const double colour[3] = {40, 95, 175};
+  MeasuredSphere sphere(Render([&](double share, int x, int, int k) {
+    return share * colour[k] + (1 - share) * (x < kBorderX ? 60 : 5);
+  }));
+  ASSERT_TRUE(sphere.good);
+  ASSERT_TRUE(sphere.markers.OutlineOf(sphere.View(), 0).has_value());
+  sphere.markers.FitBeside(sphere.View(), 0);
+  const OutlinePixels& pixels = sphere.markers.OfBlob(0).pixels;
+  int near_count = 0;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    if (!(pixels.precision[i] > 0)) continue;
+    const Eigen::Vector2d at_px(static_cast<double>(pixels.x[i]), static_cast<double>(pixels.y[i]));
+    const double outside_px = (at_px - kTruePx).norm() - kRadius;
+    const double to_border_px = std::abs(at_px.x() - kBorderX);
+    if (outside_px < -1.5 || to_border_px > 4) {
+      EXPECT_EQ(pixels.unsure[i], 0) << at_px.transpose();
+    } else if (outside_px > 0.5 && to_border_px < 1) {
+      EXPECT_GT(pixels.unsure[i], 0.1f) << at_px.transpose();
+      ++near_count;
+    }
+  }
+  EXPECT_GT(near_count, 4);
+}
+
 // Pixels that are brighter than their background there are none.
 TEST(MeasuredMarkers, FitsASphereBeforeASaturatedWindow) {
   const double colour[3] = {70, 95, 120};

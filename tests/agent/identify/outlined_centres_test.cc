@@ -165,6 +165,31 @@ TEST(SetOutlinedCentres, ASphereWhosePlaceIsHardlyKnownIsNotDelivered) {
   }
 }
 
+// How far the middle sphere is off where a piece beside it looks like more of the sphere, and its
+// pixels are so unsure.
+double OffBesideAPiece(float unsure) {
+  ThreeSpheres wand(-100);
+  const Eigen::Vector2d true_px = wand.wand_.centres[1].centre_px;
+  OutlinePixels& pixels = wand.pixels_[1];
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const double x = static_cast<double>(pixels.x[i]) - true_px.x();
+    const double y = static_cast<double>(pixels.y[i]) - true_px.y();
+    if (std::hypot(x, y) < kRadius - 1 || std::abs(std::atan2(y, x)) > 0.6) continue;
+    pixels.coverage[i] += 0.25f;
+    pixels.unsure[i] = unsure;
+  }
+  EXPECT_TRUE(
+      wand.fitter_.Fit(pixels, wand.wand_.centres[1].second_moment_px2, {}, &wand.outlines_[1]));
+  wand.SetCentres();
+  EXPECT_TRUE(wand.wand_.whole[1]);
+  return (wand.wand_.centres[1].centre_px - true_px).norm();
+}
+
+TEST(SetOutlinedCentres, PixelsWhoseBackgroundIsUnsureHardlyMoveTheCentre) {
+  EXPECT_GT(OffBesideAPiece(0), 0.05);
+  EXPECT_LT(OffBesideAPiece(0.5f), 0.02);
+}
+
 // Few sectors are known of the last sphere, which has a gap. Where another outline is as little on
 // its edge, that is no sign of something that hides it.
 bool IsWholeBeside(double waves) {

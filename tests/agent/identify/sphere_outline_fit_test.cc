@@ -46,6 +46,18 @@ Eigen::Vector2d Centroid(const OutlinePixels& pixels) {
   return sum / all;
 }
 
+TEST(OutlinePixels, WhatIsUnsureIsCountedOnce) {
+  OutlinePixels pixels;
+  pixels.Add(1, 2, 0.5f, 50);
+  pixels.Add(2, 2, 0.5f, 50, 1, false, 0.02f);
+  EXPECT_TRUE(pixels.CountUnsure());
+  EXPECT_FLOAT_EQ(pixels.precision[0], 50);
+  // The root of two sigmas of 0.02, squared and summed.
+  EXPECT_NEAR(pixels.precision[1], 50 / std::sqrt(2.0), 1e-4);
+  EXPECT_FALSE(pixels.CountUnsure());
+  EXPECT_NEAR(pixels.precision[1], 50 / std::sqrt(2.0), 1e-4);
+}
+
 TEST(SphereOutlineFitter, LightFromOneSideDoesNotMoveTheCentre) {
   SphereOutlineFitter fitter;
   for (const double radius : {4.0, 9.0, 14.0}) {

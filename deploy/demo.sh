@@ -12,7 +12,8 @@
 #                                 seconds
 #   deploy/demo.sh --pixels       four frame cameras with rendered frames, in a dim room
 #   deploy/demo.sh --office       the same in an office: windows, shelves, screens, people, light from
-#                                 above, sensors with a Bayer mosaic; some minutes
+#                                 above, sensors with a Bayer mosaic
+#   deploy/demo.sh --office dark  with the same cameras and the same wand at night, to compare with
 #   deploy/demo.sh --gige         the same frames over GigE Vision, from fake cameras on loopback
 #   deploy/demo.sh --network [cut | one-way | loss]
 #                                 three PCs, as network namespaces of this machine: two with cameras
@@ -70,8 +71,12 @@ case "${1:-}" in
     ;;
   --office)
     shift
-    office="rod=0.012;held=1;bayer=1;led_cd_m2=300;auto_gain=1;lux=400;overhead_lux=300"
-    office+=";windows=1;shelves=1.5;screens=1;lights=1.5;people=0.3"
+    office="rod=0.012;held=1;bayer=1;led_cd_m2=300;auto_gain=1"
+    if [ "${1:-}" = dark ]; then
+      shift
+    else
+      office+=";lux=400;overhead_lux=300;windows=1;shelves=1.5;screens=1;lights=1.5;people=0.3"
+    fi
     exec "$rigcal" local --simulate "cameras=4;duration=20;pixels=1;$office" --target "$spheres" "$@"
     ;;
   --markers)

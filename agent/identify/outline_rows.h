@@ -45,7 +45,7 @@ struct OutlinePixels {
   std::vector<float> white;
   // 1 where the background behind is saturated, else 0. An edge looks further inside there.
   std::vector<float> saturated_behind;
-  // One sigma of the coverage, because the background changes here; not in the precision.
+  // One sigma of the coverage, because the background changes here; not yet in the precision.
   std::vector<float> unsure;
   // The stick may be here: on the side of the wand's first marker 1, of its last one 2, else 0.
   // Empty: not marked (MarkStick).

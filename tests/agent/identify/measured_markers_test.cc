@@ -122,7 +122,7 @@ TEST(MeasuredMarkers, PixelsAreUnsureWhereTheBackgroundChanges) {
   EXPECT_GT(near_count, 4);
 }
 
-// Pixels that are brighter than their background there are none.
+// Here no pixel is brighter than its background.
 TEST(MeasuredMarkers, FitsASphereBeforeASaturatedWindow) {
   const double colour[3] = {70, 95, 120};
   MeasuredSphere sphere(Render([&](double share, int, int, int k) {

@@ -25,6 +25,7 @@ constexpr double kMostSaturated = 0.04;
 constexpr double kOwnPx = 1.5;
 constexpr float kForeign = 0.4f;
 constexpr float kAlikeAbove = 0.6f, kAlikeBelow = 1.5f;  // coverage of what looks like the marker
+constexpr double kSameAsMarker = 0.15;  // of the contrast: nearer than this is the marker's grey
 enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
 constexpr int kMaxIterations = 12;
 constexpr double kWeightPx = 1.5;  // beyond an ellipse, where MarkerAperture::Weight is 0
@@ -232,18 +233,25 @@ void MarkerMeter::Block(const MarkerAperture& aperture) {
   });
 }
 
-double MarkerMeter::AlikeAround(const MarkerAperture& aperture) const {
+void MarkerMeter::MeasureAround(const ImageView& image, const MarkerAperture& aperture,
+                                MarkerCentre* centre) const {
   const Eigen::Matrix2d own = aperture.Grown(kOwnPx);
   const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
-  int count = 0, alike = 0;
-  ForEllipse(window_, aperture.centre_px, reach, [&](size_t i, int, int, const Eigen::Vector2d& d) {
-    if (d.dot(own * d) <= 1 || d.dot(reach * d) >= 1) return;
-    ++count;
-    alike += share_[i] > kAlikeAbove && share_[i] < kAlikeBelow && (foreign_[i] & kOtherColour) == 0
-                 ? 1
-                 : 0;
-  });
-  return count > 0 ? static_cast<double>(alike) / count : 0;
+  const auto same = static_cast<float>(kSameAsMarker * centre->contrast_grey);
+  const Eigen::Vector3f plateau = centre->plateau_grey.cast<float>();
+  int count = 0, alike_count = 0, same_count = 0;
+  ForEllipse(window_, aperture.centre_px, reach,
+             [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+               if (d.dot(own * d) <= 1 || d.dot(reach * d) >= 1) return;
+               ++count;
+               const bool alike = share_[i] > kAlikeAbove && share_[i] < kAlikeBelow &&
+                                  (foreign_[i] & kOtherColour) == 0;
+               alike_count += alike ? 1 : 0;
+               same_count += (GreyAt(image, x, y) - plateau).squaredNorm() < same * same ? 1 : 0;
+             });
+  if (count == 0) return;
+  centre->alike = static_cast<double>(alike_count) / count;
+  centre->same_grey = static_cast<double>(same_count) / count;
 }
 
 bool MarkerMeter::FindCentroid(MarkerAperture* aperture, MarkerCentre* centre) {
@@ -335,7 +343,7 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
       if (!Outline(aperture, &outlined)) return false;
       continue;
     }
-    centre->alike = AlikeAround(aperture);
+    MeasureAround(image, aperture, centre);
     Block(aperture);
     centre->has_neighbour =
         std::ranges::any_of(background_.arcs(), [](const auto& arc) { return arc.blocked; });

@@ -40,6 +40,7 @@ struct MarkerCentre {
   // Of what is around it, 0 to 1: the share of the contrast against backgrounds that are saturated.
   double saturated_behind = 0;
   double alike = 0;  // share of what is just outside of it that looks like it, 0 to 1
+  double same_grey = 0;  // share of it that has its grey levels, whatever is behind
   // Channels of which more than a few pixels of the marker are saturated.
   std::array<bool, 3> saturated{};
   bool cut = false;            // the image's border cuts the aperture
@@ -100,7 +101,8 @@ class MarkerMeter {
   // The blob of the pixels that are more marker than background, without what its mask merged with.
   bool Outline(const MarkerAperture& aperture, Blob* blob);
   void Block(const MarkerAperture& aperture);
-  double AlikeAround(const MarkerAperture& aperture) const;
+  void MeasureAround(const ImageView& image, const MarkerAperture& aperture,
+                     MarkerCentre* centre) const;
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
   void MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre);
 

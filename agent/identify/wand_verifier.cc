@@ -27,6 +27,7 @@ constexpr double kHalfCost = 11.5, kCostScale = 2.5;  // confidence 0.5
 constexpr double kTriedCost = 1.15, kFewTried = 20;
 constexpr double kWhiteCost = 6;
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
+constexpr double kGoesOn = 0.05;     // of what is around, in the marker's grey levels
 constexpr double kTooAlike = 0.5;    // for its outline to be seen
 constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
                  kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5, kMostPartialFit = 2;
@@ -107,6 +108,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       const double share = OverlapShare(blob, its);
       if (!(share > 0)) continue;
       wand.centres[k].alike -= share;
+      wand.centres[k].same_grey -= share;
       markers_.OfBlob(index).beside = its;
     }
     alike_count += wand.centres[k].alike >= kMostAlike ? 1 : 0;
@@ -115,6 +117,11 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     wand.whole.push_back(!measured->centre.has_neighbour && IsWhole(blob, wand.centres[k]));
   }
   const int count = static_cast<int>(wand.blobs.size());
+  // No room goes on in the spheres' own light beside all of them; a bar goes on beside its pieces.
+  int goes_on_count = static_cast<int>(candidate.partial >= 0);
+  for (const MarkerCentre& centre : wand.centres)
+    goes_on_count += centre.same_grey > kGoesOn ? 1 : 0;
+  if (goes_on_count == count) return std::nullopt;
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
   if (wand.fit.cost + Unlikeness(wand, in_room_) > kWorthRestoring) return std::nullopt;
   if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {

@@ -44,6 +44,13 @@ class DiscImage {
     blob_.area_px = static_cast<int>(3.14 * radius * radius);
   }
 
+  std::array<uint8_t, 3> At(int x, int y) const {
+    const auto place = static_cast<size_t>((y * kSize + x) * 3);
+    return {pixels_[place], pixels_[place + 1], pixels_[place + 2]};
+  }
+  void Set(int x, int y, const std::array<uint8_t, 3>& grey) {
+    std::ranges::copy(grey, &pixels_[static_cast<size_t>((y * kSize + x) * 3)]);
+  }
   ImageView View() const { return {pixels_.data(), kSize, kSize, kSize * 3, PixelFormat::kBgr8}; }
   Blob blob_;
 
@@ -159,6 +166,22 @@ TEST(MarkerMeter, AnotherDiscBesideItMovesLittle) {
   ASSERT_TRUE(meter.Measure(image.View(), image.blob_, &centre));
   EXPECT_LT((centre.centre_px - true_px).norm(), 0.2)
       << "1.8 px of gap, less than the blur of both";
+}
+
+// Whatever is behind: a bar in the disc's own light, between a dark wall and a window.
+TEST(MarkerMeter, SaysHowMuchAroundItHasItsGreyLevels) {
+  MarkerMeter meter;
+  MarkerCentre centre;
+  const auto wall_and_window = [](int x, int) { return x < 32 ? 30.0 : 255.0; };
+  DiscImage image({32, 32}, 6, 1, wall_and_window);
+  ASSERT_TRUE(meter.Measure(image.View(), image.blob_, &centre));
+  EXPECT_EQ(centre.same_grey, 0);
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 30; x < 35; ++x) image.Set(x, y, image.At(32, 32));
+  }
+  ASSERT_TRUE(meter.Measure(image.View(), image.blob_, &centre));
+  EXPECT_GT(centre.same_grey, 0.1);
+  EXPECT_LT(centre.alike, 0.1);
 }
 
 TEST(MarkerMeter, AHalfCoveredDiscIsLopsided) {

@@ -42,8 +42,10 @@ std::optional<VerifiedWand> Verified(const std::vector<uint8_t>& pixels,
   return verifier.Verify(image, blobs, finder, {&candidate, 1}, 1, in_room, &work).wand;
 }
 
-// Of a wand whose first sphere looks smaller than the others, before `behind_first`.
-std::optional<VerifiedWand> Verified(double first_radius_px, double behind_first) {
+// Of a wand whose first sphere looks smaller than the others, before `behind_first`. A stick of
+// `stick` times their light, 2 px thick, goes on beside all of them.
+std::optional<VerifiedWand> Verified(double first_radius_px, double behind_first,
+                                     double stick = 0) {
   const std::array<double, 3> colour = {40, 95, 175},
                               radii_px = {first_radius_px, kRadiusPx, kRadiusPx};
   std::vector<uint8_t> pixels;
@@ -54,6 +56,7 @@ std::optional<VerifiedWand> Verified(double first_radius_px, double behind_first
         const double outside_px = std::hypot(x - kFirstX - kAlongPx[k], y - kY) - radii_px[k];
         share += 0.5 * std::erfc(outside_px / (0.6 * std::sqrt(2.0)));
       }
+      if (std::abs(y - kY) < 1) share = std::max(share, stick);
       const double behind = x < kFirstX + 0.5 * kAlongPx[1] ? behind_first : 12;
       for (const double grey : colour) {
         pixels.push_back(static_cast<uint8_t>(std::lround(share * grey + (1 - share) * behind)));
@@ -76,6 +79,12 @@ TEST(WandVerifier, ASphereBeforeASaturatedBackgroundMayLookSmaller) {
   const auto wand = Verified(3.9, 255);
   ASSERT_TRUE(wand.has_value());
   EXPECT_LT(wand->fit.cost, 1.5);
+}
+
+// Pieces of a bar that are thicker than the rest of it.
+TEST(WandVerifier, NoStickShinesAsTheSpheresDo) {
+  EXPECT_TRUE(Verified(kRadiusPx, 12, 0.3).has_value());
+  EXPECT_FALSE(Verified(kRadiusPx, 12, 1).has_value());
 }
 
 // Of a dim wand in a lit room, `scale` times as large, before a wall of `wall` grey levels. White

@@ -237,21 +237,29 @@ void MarkerMeter::MeasureAround(const ImageView& image, const MarkerAperture& ap
                                 MarkerCentre* centre) const {
   const Eigen::Matrix2d own = aperture.Grown(kOwnPx);
   const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
-  const auto same = static_cast<float>(kSameAsMarker * centre->contrast_grey);
+  int count = 0, alike = 0;
+  ForEllipse(window_, aperture.centre_px, reach, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+    if (d.dot(own * d) <= 1 || d.dot(reach * d) >= 1) return;
+    ++count;
+    alike += share_[i] > kAlikeAbove && share_[i] < kAlikeBelow && (foreign_[i] & kOtherColour) == 0
+                 ? 1
+                 : 0;
+  });
+  if (count > 0) centre->alike = static_cast<double>(alike) / count;
+  const double beyond_px = MarkerCentre::BeyondPx(aperture.b);
+  const Eigen::Matrix2d beyond = aperture.Grown(beyond_px);
+  const Eigen::Matrix2d edge = aperture.Grown(beyond_px + MarkerCentre::kBeyondWidthPx);
+  const auto far = static_cast<float>(kSameAsMarker * centre->contrast_grey);
   const Eigen::Vector3f plateau = centre->plateau_grey.cast<float>();
-  int count = 0, alike_count = 0, same_count = 0;
-  ForEllipse(window_, aperture.centre_px, reach,
-             [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
-               if (d.dot(own * d) <= 1 || d.dot(reach * d) >= 1) return;
+  int same = 0;
+  count = 0;
+  ForEllipse(window_, aperture.centre_px, edge,
+             [&](size_t, int x, int y, const Eigen::Vector2d& d) {
+               if (d.dot(beyond * d) <= 1 || d.dot(edge * d) >= 1) return;
                ++count;
-               const bool alike = share_[i] > kAlikeAbove && share_[i] < kAlikeBelow &&
-                                  (foreign_[i] & kOtherColour) == 0;
-               alike_count += alike ? 1 : 0;
-               same_count += (GreyAt(image, x, y) - plateau).squaredNorm() < same * same ? 1 : 0;
+               same += (GreyAt(image, x, y) - plateau).squaredNorm() < far * far ? 1 : 0;
              });
-  if (count == 0) return;
-  centre->alike = static_cast<double>(alike_count) / count;
-  centre->same_grey = static_cast<double>(same_count) / count;
+  if (count > 0) centre->same_grey = static_cast<double>(same) / count;
 }
 
 bool MarkerMeter::FindCentroid(MarkerAperture* aperture, MarkerCentre* centre) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -40,7 +41,11 @@ struct MarkerCentre {
   // Of what is around it, 0 to 1: the share of the contrast against backgrounds that are saturated.
   double saturated_behind = 0;
   double alike = 0;  // share of what is just outside of it that looks like it, 0 to 1
-  double same_grey = 0;  // share of it that has its grey levels, whatever is behind
+  // Share of what is BeyondPx to BeyondPx + kBeyondWidthPx outside of it that has its own grey
+  // levels, whatever is behind, 0 to 1. So far out a sphere that a stick cuts does not reach.
+  double same_grey = 0;
+  static constexpr double kBeyondWidthPx = 1.25;
+  static double BeyondPx(double radius_px) { return std::max(1.5, 0.25 * radius_px); }
   // Channels of which more than a few pixels of the marker are saturated.
   std::array<bool, 3> saturated{};
   bool cut = false;            // the image's border cuts the aperture

@@ -67,6 +67,14 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
 }
 
+// Where the light beyond `blob` may be that of `other`.
+bool IsWithinReach(const Blob& blob, const Blob& other) {
+  const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
+  const double edge_px = std::sqrt(other.area_px / std::numbers::pi) + 1;
+  return (blob.centre_px - other.centre_px).norm() <
+         radius_px + MarkerCentre::BeyondPx(radius_px) + MarkerCentre::kBeyondWidthPx + edge_px;
+}
+
 // What an outline's fit leaves, over what noise and shading may leave.
 double Misfit(const MarkerCentre& centre, const SphereOutline& outline) {
   const double noise = centre.noise_grey / centre.contrast_grey;
@@ -105,10 +113,10 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     for (const int other : candidate.blobs) {
       if (other == index) continue;
       const Blob& its = blobs[static_cast<size_t>(other)];
+      if (IsWithinReach(blob, its)) wand.centres[k].same_grey = 0;
       const double share = OverlapShare(blob, its);
       if (!(share > 0)) continue;
       wand.centres[k].alike -= share;
-      wand.centres[k].same_grey -= share;
       markers_.OfBlob(index).beside = its;
     }
     alike_count += wand.centres[k].alike >= kMostAlike ? 1 : 0;

@@ -114,9 +114,12 @@ std::vector<pid_t> ProcessesWith(const std::string& text) {
     const std::string name = entry.path().filename();
     if (name.find_first_not_of("0123456789") != std::string::npos) continue;
     if (std::stoi(name) == getpid()) continue;
-    if (ReadFile(entry.path() / "cmdline").find(text) != std::string::npos) {
-      found.push_back(std::stoi(name));
-    }
+    // A process may end while this reads, which std::getline takes for the end of a file; iterators
+    // of a stream throw.
+    std::ifstream stream(entry.path() / "cmdline");
+    std::string command;
+    std::getline(stream, command);
+    if (command.find(text) != std::string::npos) found.push_back(std::stoi(name));
   }
   return found;
 }

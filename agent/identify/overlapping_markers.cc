@@ -26,6 +26,13 @@ double OverlapShare(const Blob& disc, const Blob& other) {
   return std::acos(std::clamp(cosine, -1.0, 1.0)) / std::numbers::pi;
 }
 
+bool IsBeyond(const Blob& disc, const Blob& other) {
+  const double radius_px = std::sqrt(disc.area_px / std::numbers::pi);
+  const double other_px = std::sqrt(other.area_px / std::numbers::pi) + kOverlapBlurPx;
+  return (disc.centre_px - other.centre_px).norm() <
+         radius_px + MarkerCentre::BeyondPx(radius_px) + MarkerCentre::kBeyondWidthPx + other_px;
+}
+
 double HiddenShare(const VerifiedWand& wand, size_t marker) {
   if (wand.px_per_m.size() != wand.centres.size()) return 0;
   const auto radius_of = [&](size_t k) {

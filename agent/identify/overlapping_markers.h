@@ -13,6 +13,8 @@ namespace rigcal::agent {
 
 // Share of what is right beside a disc that another one covers.
 double OverlapShare(const Blob& disc, const Blob& other);
+// Whether `other` may reach into where MarkerCentre::same_grey of `disc` is measured.
+bool IsBeyond(const Blob& disc, const Blob& other);
 // Share of a marker that nearer ones of the wand cover: the lenses of two circles.
 double HiddenShare(const VerifiedWand& wand, size_t marker);
 // Pixels beyond the line through the points where the circles of two blobs meet belong to the other

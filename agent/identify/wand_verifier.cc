@@ -67,14 +67,6 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
 }
 
-// Where the light beyond `blob` may be that of `other`.
-bool IsWithinReach(const Blob& blob, const Blob& other) {
-  const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
-  const double edge_px = std::sqrt(other.area_px / std::numbers::pi) + 1;
-  return (blob.centre_px - other.centre_px).norm() <
-         radius_px + MarkerCentre::BeyondPx(radius_px) + MarkerCentre::kBeyondWidthPx + edge_px;
-}
-
 // What an outline's fit leaves, over what noise and shading may leave.
 double Misfit(const MarkerCentre& centre, const SphereOutline& outline) {
   const double noise = centre.noise_grey / centre.contrast_grey;
@@ -98,6 +90,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   VerifiedWand wand;
   wand.blobs = candidate.blobs;
   int alike_count = 0;
+  bool goes_on = true;
   for (size_t k = 0; k < candidate.blobs.size(); ++k) {
     const int index = candidate.blobs[k];
     if (static_cast<int>(k) == candidate.partial) {
@@ -110,10 +103,11 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     wand.centres.push_back(measured->centre);
     // Another sphere of the wand looks like it.
     const Blob& blob = blobs[static_cast<size_t>(index)];
+    goes_on = goes_on && measured->centre.same_grey > kGoesOn;
     for (const int other : candidate.blobs) {
       if (other == index) continue;
       const Blob& its = blobs[static_cast<size_t>(other)];
-      if (IsWithinReach(blob, its)) wand.centres[k].same_grey = 0;
+      goes_on = goes_on && !IsBeyond(blob, its);
       const double share = OverlapShare(blob, its);
       if (!(share > 0)) continue;
       wand.centres[k].alike -= share;
@@ -125,11 +119,8 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     wand.whole.push_back(!measured->centre.has_neighbour && IsWhole(blob, wand.centres[k]));
   }
   const int count = static_cast<int>(wand.blobs.size());
-  // No room goes on in the spheres' own light beside all of them; a bar goes on beside its pieces.
-  int goes_on_count = static_cast<int>(candidate.partial >= 0);
-  for (const MarkerCentre& centre : wand.centres)
-    goes_on_count += centre.same_grey > kGoesOn ? 1 : 0;
-  if (goes_on_count == count) return std::nullopt;
+  // A room hardly goes on in the spheres' own light beside each that is measured; a bar does.
+  if (goes_on) return std::nullopt;
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
   if (wand.fit.cost + Unlikeness(wand, in_room_) > kWorthRestoring) return std::nullopt;
   if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {

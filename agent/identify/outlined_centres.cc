@@ -32,12 +32,14 @@ constexpr double kLeastEdgeNoise = 0.55;
 constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundPx = 0.2;  // of the edge, per step of the background over the contrast
 constexpr double kNeighbourPx = 0.05;  // of the edge, where something else is near
-// Of arcs: sectors that are known, of which the stick takes some; of what leaving the others out
-// moves the centre.
-constexpr int kLeastKnown = 6;
-constexpr double kLeastOfWhole = 0.97;  // of the radius
-constexpr double kBesideError = 0.9;    // of what the background right beside it moved a centre
-constexpr double kMovedError = 0.15;
+constexpr double kBesideError = 0.9;   // of what the background right beside it moved a centre
+// Of arcs: sectors that are known, of which the stick takes some; the radius that is enough of what
+// is expected; how far a clear gap's edges are off an ellipse, chi-squared.
+constexpr int kLeastKnown = 6, kFewKnown = 9;
+constexpr double kLeastOfWhole = 0.97, kNearlyWhole = 0.9;
+constexpr double kClearGap = 150;
+// Of what an arc moves the centre, and of what one that is not taken would.
+constexpr double kMovedError = 0.15, kDoubtError = 0.4;
 constexpr double kArcError = 0.1, kAloneError = 0.2;  // radii
 constexpr double kMostSigma = 0.33;  // radii; less is known of one that is as good as hidden
 constexpr int kNotch = 2;            // sectors that the stick takes
@@ -145,6 +147,7 @@ class OutlinedCentres {
   // What hides a part of an outline is left out; a marker of which too little is left is not whole.
   void FindArcs() {
     arcs_.resize(markers_.size());
+    doubt_px_.assign(markers_.size(), 0);
     const FittedOutlines first = outlines_;
     for (size_t k = 0; k < markers_.size(); ++k) {
       if (!outlines_[k]) continue;
@@ -158,8 +161,13 @@ class OutlinedCentres {
       const bool is_as_large = too_little &&
                                first[k]->radius_px > kLeastOfWhole * expected.radius_px &&
                                expected.radius_px > 0;
-      if ((!arcs_[k].stays || too_little) && !wand_.centres[k].cut &&
+      // Through few sectors an ellipse fits anything, and what is left of a sphere is smaller.
+      const bool is_weak = arcs_[k].hidden_count > kNotch && arcs_[k].known_count < kFewKnown &&
+                           arcs_[k].whole_chi_squared < kClearGap &&
+                           first[k]->radius_px > kNearlyWhole * expected.radius_px;
+      if ((!arcs_[k].stays || too_little || is_weak) && !wand_.centres[k].cut &&
           (EdgeRatio(first, k) < kSuspectRatio || is_as_large)) {
+        doubt_px_[k] = arcs_[k].moved_px;
         arcs_[k] = VisibleArc();
         outlines_[k] = first[k];
         too_little = false;
@@ -206,7 +214,7 @@ class OutlinedCentres {
     wrong_px = std::max(wrong_px, missing_px);
     wrong_px = std::hypot(wrong_px, WrongOutline(wand_, k, outline));
     wrong_px = std::hypot(wrong_px, WrongByStretch(arced_, k));
-    wrong_px = std::hypot(wrong_px, kMovedError * arcs_[k].moved_px);
+    wrong_px = std::hypot(wrong_px, kMovedError * arcs_[k].moved_px, kDoubtError * doubt_px_[k]);
     if (markers_[k].pixels->clipped) {
       wrong_px = std::hypot(wrong_px, kClippedError * outline.edge_px);
     }
@@ -309,6 +317,7 @@ class OutlinedCentres {
   // With any slope of the light; as they are expected to be; those that an arc was looked for in.
   FittedOutlines fitted_, outlines_, arced_;
   std::vector<VisibleArc> arcs_;
+  std::vector<double> doubt_px_;  // how far an arc that was not taken moved the centre
   std::vector<EdgeScatter> scatters_;
   bool has_hidden_ = false, has_outline_ = false, has_whole_ = false;
   OutlinePixels discounted_;

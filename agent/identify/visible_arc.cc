@@ -125,10 +125,15 @@ class GapSearch {
     return cost;
   }
 
+  double Whole() const {
+    double depth_px = 0;
+    return Fit(0, 0, &depth_px);
+  }
+
   // None of them where no gap is much better.
   Sectors Best() const {
     double depth_px = 0;
-    const double whole = Fit(0, 0, &depth_px);
+    const double whole = Whole();
     // No gap can explain more than there is.
     if (whole < kGapGain + kGapCost) return {};
     struct Gap {
@@ -208,7 +213,9 @@ VisibleArc FindVisibleArc(const OutlinePixels& pixels, const Eigen::Matrix2d& se
   shape.radius_sigma_px = expected.radius_sigma_px;
   for (int round = 0; round < kGapRounds; ++round) {
     const SectorEdges edges = EdgesOf(pixels, now, expected, &rows);
-    Sectors hidden = GapSearch(now, edges, expected).Best();
+    const GapSearch search(now, edges, expected);
+    if (round == 0) arc.whole_chi_squared = search.Whole();
+    Sectors hidden = search.Best();
     // Where it was hidden, and nothing says that it is not.
     for (size_t s = 0; s < kOutlineSectors; ++s) {
       hidden[s] |=

@@ -28,9 +28,10 @@ struct VisibleArc {
   int known_count = 0;                                // of the sectors, in which the edge is seen
   Eigen::Vector2d missing = Eigen::Vector2d::Zero();  // mean of the other sectors' directions
   double moved_px = 0;                                // the centre, when they were left out
-  OutlinePixels pixels;  // of the others; those of hidden sectors count nothing
-  bool failed = false;   // no outline through the others
-  bool stays = false;    // the same sectors were found again
+  double whole_chi_squared = 0;  // of an ellipse through all edges, before any was left out
+  OutlinePixels pixels;          // of the others; those of hidden sectors count nothing
+  bool failed = false;           // no outline through the others
+  bool stays = false;            // the same sectors were found again
 
   bool is_all() const { return hidden_count == 0; }
 };

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "agent/identify/outline_sectors.h"
@@ -228,6 +229,38 @@ TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItIsAsLargeAsTheOth
   wand.SetCentres();
   EXPECT_TRUE(wand.wand_.whole[2]);
   EXPECT_LT((wand.wand_.centres[2].centre_px - Eigen::Vector2d(160, 50.3)).norm(), 0.4);
+}
+
+// Through the few sectors that a gap and the background leave, an ellipse may be anywhere: what is
+// nearly as large as the others is taken as a whole, and what the gap would move it is in doubt.
+TEST(SetOutlinedCentres, AGapThatIsNotClearAndLeavesFewSectorsIsNotTaken) {
+  // With an edge that is off by `of_edge` of the angle from the right, in pixels.
+  const auto centre_of = [](const std::function<double(double)>& of_edge) {
+    ThreeSpheres wand(-100);
+    OutlinePixels& pixels = wand.pixels_[2];
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      const double x = static_cast<double>(pixels.x[i]) - 160,
+                   y = static_cast<double>(pixels.y[i]) - 50.3;
+      const double inside_px = kRadius - std::hypot(x, y), turn = std::abs(std::atan2(y, x));
+      const double edge = std::exp(-0.5 * inside_px * inside_px / 0.49) / 1.75;
+      pixels.coverage[i] += static_cast<float>(of_edge(turn) * edge);
+      if (turn < 0.7) pixels.saturated_behind[i] = 1;
+    }
+    const Eigen::Matrix2d shape = 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity();
+    EXPECT_TRUE(wand.fitter_.Fit(pixels, shape, {}, &wand.outlines_[2]));
+    AddWaves(0.3, 100, &wand.pixels_[1]);
+    EXPECT_TRUE(wand.fitter_.Fit(wand.pixels_[1], shape, {}, &wand.outlines_[1]));
+    wand.SetCentres();
+    EXPECT_TRUE(wand.wand_.whole[2]);
+    return wand.wand_.centres[2];
+  };
+  const Eigen::Vector2d truth(160, 50.3);
+  const MarkerCentre waves = centre_of([](double turn) { return 0.4 * std::cos(3 * turn); });
+  const Eigen::Vector2d error_px = waves.centre_px - truth;
+  EXPECT_LT(error_px.norm(), 0.5);
+  EXPECT_LT(error_px.dot(waves.covariance_px2.inverse() * error_px), 9);
+  const MarkerCentre dent = centre_of([](double turn) { return turn > 2.4 ? -1.2 : 0; });
+  EXPECT_LT((dent.centre_px - truth).norm(), 0.1);
 }
 
 // What hides a side of a sphere leaves an outline that fits well and is in another place. Blur

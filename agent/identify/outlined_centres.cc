@@ -164,7 +164,8 @@ class OutlinedCentres {
       // Through few sectors an ellipse fits anything, and what is left of a sphere is smaller.
       const bool is_weak = arcs_[k].hidden_count > kNotch && arcs_[k].known_count < kFewKnown &&
                            arcs_[k].whole_chi_squared < kClearGap &&
-                           first[k]->radius_px > kNearlyWhole * expected.radius_px;
+                           first[k]->radius_px > kNearlyWhole * expected.radius_px &&
+                           expected.radius_px > 0;
       if ((!arcs_[k].stays || too_little || is_weak) && !wand_.centres[k].cut &&
           (EdgeRatio(first, k) < kSuspectRatio || is_as_large)) {
         doubt_px_[k] = arcs_[k].moved_px;

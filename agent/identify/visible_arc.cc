@@ -97,6 +97,8 @@ class GapSearch {
       all_ += edges.weight[s] * rows_[s] * rows_[s].transpose();
       gradient_ += edges.weight[s] * edges.away_px[s] * rows_[s];
     }
+    double depth_px = 0;
+    whole_ = Fit(0, 0, &depth_px);
   }
 
   // The chi-squared without `count` sectors from `first` on, and how far in those are.
@@ -125,27 +127,22 @@ class GapSearch {
     return cost;
   }
 
-  double Whole() const {
-    double depth_px = 0;
-    return Fit(0, 0, &depth_px);
-  }
+  double whole_chi_squared() const { return whole_; }
 
   // None of them where no gap is much better.
   Sectors Best() const {
-    double depth_px = 0;
-    const double whole = Whole();
     // No gap can explain more than there is.
-    if (whole < kGapGain + kGapCost) return {};
+    if (whole_ < kGapGain + kGapCost) return {};
     struct Gap {
       double gain = 0;
       size_t first = 0;
     };
     std::array<Gap, kLongestGap + 1> gaps;
-    double best = 0;
+    double best = 0, depth_px = 0;
     for (size_t length = 1; length <= kLongestGap; ++length) {
       for (size_t s = 0; s < kOutlineSectors; ++s) {
         const double gain =
-            whole - Fit(s, length, &depth_px) - kGapCost * static_cast<double>(length);
+            whole_ - Fit(s, length, &depth_px) - kGapCost * static_cast<double>(length);
         if (gain > gaps[length].gain && depth_px > kLeastDepthPx) gaps[length] = {gain, s};
       }
       best = std::max(best, gaps[length].gain);
@@ -167,6 +164,7 @@ class GapSearch {
   const std::array<Step, kOutlineSectors> rows_ = SectorRows();
   Step prior_ = Step::Zero(), missing_ = Step::Zero(), gradient_ = Step::Zero();
   Eigen::Matrix<double, 5, 5> all_ = Eigen::Matrix<double, 5, 5>::Zero();
+  double whole_ = 0;  // the chi-squared with all sectors
 };
 
 void LeaveOut(const OutlinePixels& pixels, const SphereOutline& outline, const Sectors& hidden,
@@ -214,7 +212,7 @@ VisibleArc FindVisibleArc(const OutlinePixels& pixels, const Eigen::Matrix2d& se
   for (int round = 0; round < kGapRounds; ++round) {
     const SectorEdges edges = EdgesOf(pixels, now, expected, &rows);
     const GapSearch search(now, edges, expected);
-    if (round == 0) arc.whole_chi_squared = search.Whole();
+    if (round == 0) arc.whole_chi_squared = search.whole_chi_squared();
     Sectors hidden = search.Best();
     // Where it was hidden, and nothing says that it is not.
     for (size_t s = 0; s < kOutlineSectors; ++s) {

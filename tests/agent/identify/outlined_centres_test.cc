@@ -36,14 +36,29 @@ OutlinePixels Disc(const Eigen::Vector2d& centre, double from_x, uint32_t seed, 
   return pixels;
 }
 
-// Moves the edge of a disc in and out around it.
-void AddWaves(double waves, double centre_x, OutlinePixels* pixels) {
+// Moves the edge of a disc outwards by `of_turn` of the angle from the right, 0 to pi, in pixels.
+void MoveEdge(const std::function<double(double)>& of_turn, double centre_x,
+              OutlinePixels* pixels) {
   for (size_t i = 0; i < pixels->size(); ++i) {
     const double x = static_cast<double>(pixels->x[i]) - centre_x;
     const double y = static_cast<double>(pixels->y[i]) - 50.3;
     const double inside_px = kRadius - std::hypot(x, y);
     const double edge = std::exp(-0.5 * inside_px * inside_px / 0.49) / 1.75;
-    pixels->coverage[i] += static_cast<float>(waves * edge * std::cos(7 * std::atan2(y, x)));
+    pixels->coverage[i] += static_cast<float>(of_turn(std::abs(std::atan2(y, x))) * edge);
+  }
+}
+
+// Moves it in and out around the disc.
+void AddWaves(double waves, double centre_x, OutlinePixels* pixels) {
+  MoveEdge([waves](double turn) { return waves * std::cos(7 * turn); }, centre_x, pixels);
+}
+
+// What is behind the right of a disc, up to `turn`, is saturated.
+void SaturateRight(double turn, double centre_x, OutlinePixels* pixels) {
+  for (size_t i = 0; i < pixels->size(); ++i) {
+    const double x = static_cast<double>(pixels->x[i]) - centre_x;
+    const double y = static_cast<double>(pixels->y[i]) - 50.3;
+    if (std::abs(std::atan2(y, x)) < turn) pixels->saturated_behind[i] = 1;
   }
 }
 
@@ -216,14 +231,8 @@ TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItsEdgeIsOnItsOutli
 TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItIsAsLargeAsTheOthers) {
   ThreeSpheres wand(-100);
   OutlinePixels& pixels = wand.pixels_[2];
-  for (size_t i = 0; i < pixels.size(); ++i) {
-    const double x = static_cast<double>(pixels.x[i]) - 160,
-                 y = static_cast<double>(pixels.y[i]) - 50.3;
-    const double inside_px = kRadius - std::hypot(x, y), turn = std::abs(std::atan2(y, x));
-    const double edge = std::exp(-0.5 * inside_px * inside_px / 0.49) / 1.75;
-    if (turn > 2.4) pixels.coverage[i] -= static_cast<float>(1.3 * edge);
-    if (turn < 1.4) pixels.saturated_behind[i] = 1;
-  }
+  MoveEdge([](double turn) { return turn > 2.4 ? -1.3 : 0; }, 160, &pixels);
+  SaturateRight(1.4, 160, &pixels);
   ASSERT_TRUE(wand.fitter_.Fit(pixels, 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
                                &wand.outlines_[2]));
   wand.SetCentres();
@@ -234,18 +243,12 @@ TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItIsAsLargeAsTheOth
 // Through the few sectors that a gap and the background leave, an ellipse may be anywhere: what is
 // nearly as large as the others is taken as a whole, and what the gap would move it is in doubt.
 TEST(SetOutlinedCentres, AGapThatIsNotClearAndLeavesFewSectorsIsNotTaken) {
-  // With an edge that is off by `of_edge` of the angle from the right, in pixels.
-  const auto centre_of = [](const std::function<double(double)>& of_edge) {
+  const auto centre_of = [](const std::function<double(double)>& of_turn, bool knows_sizes = true) {
     ThreeSpheres wand(-100);
+    if (!knows_sizes) wand.wand_.px_per_m.clear();
     OutlinePixels& pixels = wand.pixels_[2];
-    for (size_t i = 0; i < pixels.size(); ++i) {
-      const double x = static_cast<double>(pixels.x[i]) - 160,
-                   y = static_cast<double>(pixels.y[i]) - 50.3;
-      const double inside_px = kRadius - std::hypot(x, y), turn = std::abs(std::atan2(y, x));
-      const double edge = std::exp(-0.5 * inside_px * inside_px / 0.49) / 1.75;
-      pixels.coverage[i] += static_cast<float>(of_edge(turn) * edge);
-      if (turn < 0.7) pixels.saturated_behind[i] = 1;
-    }
+    MoveEdge(of_turn, 160, &pixels);
+    SaturateRight(0.7, 160, &pixels);
     const Eigen::Matrix2d shape = 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity();
     EXPECT_TRUE(wand.fitter_.Fit(pixels, shape, {}, &wand.outlines_[2]));
     AddWaves(0.3, 100, &wand.pixels_[1]);
@@ -261,6 +264,9 @@ TEST(SetOutlinedCentres, AGapThatIsNotClearAndLeavesFewSectorsIsNotTaken) {
   EXPECT_LT(error_px.dot(waves.covariance_px2.inverse() * error_px), 9);
   const MarkerCentre dent = centre_of([](double turn) { return turn > 2.4 ? -1.2 : 0; });
   EXPECT_LT((dent.centre_px - truth).norm(), 0.1);
+  // Nothing says that a sphere of unknown size is nearly whole.
+  const auto shallow = [](double turn) { return turn > 2.4 ? -0.6 : 0; };
+  EXPECT_LT((centre_of(shallow, false).centre_px - truth).norm(), 0.1);
 }
 
 // What hides a side of a sphere leaves an outline that fits well and is in another place. Blur

@@ -138,7 +138,8 @@ class OutlinedCentres {
       SphereOutline outline = *fitted_[k];
       if (!outline.white && !fitter_.Fit(*markers_[k].pixels, wand_.centres[k].second_moment_px2,
                                          LightOver(ScatterOf(outline)), &outline)) {
-        continue;
+        // As it is, what hides a part of it is still looked for.
+        outline = *fitted_[k];
       }
       outlines_[k] = outline;
     }

@@ -129,6 +129,21 @@ TEST(SetOutlinedCentres, ASphereThatIsPartlyHiddenIsTakenFromItsArc) {
   EXPECT_GT(arc.covariance_px2(0, 0), 4 * whole.covariance_px2(0, 0));
 }
 
+// What is left of it has an outline, which is not found a second time from where it began.
+TEST(SetOutlinedCentres, APartWhoseOutlineCannotBeFittedAgainIsNotTakenForASphere) {
+  ThreeSpheres hidden(-3.5);
+  ASSERT_TRUE(hidden.fitted_);
+  MarkerCentre& part = hidden.wand_.centres[2];
+  part.centre_px.x() += 0.4 * kRadius;  // its centroid
+  part.radius_px = 0.8 * kRadius;
+  hidden.outlines_[2].centre_px.x() += 0.6 * kRadius;
+  hidden.SetCentres();
+  const double error_px = (part.centre_px - Eigen::Vector2d(160, 50.3)).norm();
+  EXPECT_TRUE(!hidden.wand_.whole[2] || error_px < 0.5) << error_px;
+  EXPECT_TRUE(hidden.wand_.whole[0]);
+  EXPECT_TRUE(hidden.wand_.whole[1]);
+}
+
 // How its light differs from side to side is not seen, and moves the edge by a part of its width.
 TEST(SetOutlinedCentres, ClippedLightHasALargerCovariance) {
   ThreeSpheres plain(-100), clipped(-100);

@@ -20,13 +20,16 @@ constexpr double kFinePartPx = 5;      // larger ones are read more coarsely
 constexpr double kWorkOfPixel = 0.08;  // against one that is measured
 // Of a part, against the whole marker.
 constexpr double kLeastShare = 0.07, kLeastSolid = 1, kLeastSolidShare = 0.02, kMostAround = 0.17,
-                 kInImage = 0.25, kMostOther = 0.1, kOtherShare = 0.35;
+                 kInImage = 0.05, kMostOther = 0.1, kOtherShare = 0.35;
 // Where it is as bright all around, as before a window, some of that is seen past the marker.
 constexpr double kPastMarker = 0.5;
 // Less than half of a disc that a straight edge leaves is longer than wide by 0.89 at least, that a
 // corner leaves, by 0.37.
 constexpr double kMostOfSmall = 0.5, kRoundElongation = 0.22;
 constexpr int kLeastRoundPx = 20;
+// Of a circular segment that is so much of the disc, the centroid is 1 - share^p radii away from
+// the disc's centre, within 0.02.
+constexpr double kSegmentPower = 0.74;
 constexpr double kAroundSigma = 0.08, kSmallShare = 0.3, kSmallCost = 1.5;
 // Of a sliver, blurred with what is around: as shares of the way from there to a whole marker.
 constexpr double kLeastSliverContrast = 50;  // grey levels, of a marker
@@ -54,6 +57,19 @@ void Count(int x, int y, ComponentSums* sums) {
 bool IsSmallThing(double share, const Blob& blob) {
   if (share > kMostOfSmall || blob.area_px < kLeastRoundPx) return false;
   return Elongation(blob) < kRoundElongation;
+}
+
+Eigen::Vector2d MiddleBeyondBorder(const ImageView& image, const Blob& part,
+                                   const Eigen::Vector2d& disc_px, double radius_px) {
+  const auto beyond = [radius_px](double at, int size) {
+    return at + radius_px > size - 0.5 ? 1.0 : at - radius_px < -0.5 ? -1.0 : 0.0;
+  };
+  const Eigen::Vector2d outwards(beyond(disc_px.x(), image.width),
+                                 beyond(disc_px.y(), image.height));
+  if (outwards.isZero()) return part.centre_px;
+  const double share = part.area_px / (std::numbers::pi * radius_px * radius_px);
+  const double away_radii = 1 - std::pow(std::min(1.0, share), kSegmentPower);
+  return part.centre_px + away_radii * radius_px * outwards.normalized();
 }
 
 std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vector2d& centre_px,

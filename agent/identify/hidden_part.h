@@ -23,6 +23,11 @@ struct HiddenPart {
 // seen as a whole: what hides a marker leaves no such part.
 bool IsSmallThing(double share, const Blob& blob);
 
+// Where the middle of a marker is of which the image's border leaves `part`. `disc_px` and
+// `radius_px`: where it is expected, which says across which border.
+Eigen::Vector2d MiddleBeyondBorder(const ImageView& image, const Blob& part,
+                                   const Eigen::Vector2d& disc_px, double radius_px);
+
 // What is seen of a marker that must be at `centre_px` with `radius_px` and looks like `core` (by
 // channel). None where nothing of that look is there, or more than a marker of it. `has_stick`,
 // between the others: then it may be as thin as the rim of something brighter. `work`: pixels that

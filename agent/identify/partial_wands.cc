@@ -12,6 +12,8 @@
 #include "agent/identify/hidden_part.h"
 #include "agent/identify/squared.h"
 #include "agent/identify/stick_sight.h"
+#include "agent/identify/third_marker.h"
+#include "agent/identify/whole_candidate.h"
 
 namespace rigcal::agent {
 namespace {
@@ -21,8 +23,9 @@ constexpr double kPartSigma = 0.5;  // radii; the centre of a part is within the
 constexpr double kWholePlacePx = 0.3, kWholePlaceShare = 0.03;
 constexpr double kWholeRadiusPx = 0.35, kWholeRadiusShare = 0.08;
 constexpr double kMaxPartialCost = 14;
-constexpr double kSliverPairCost = 4;  // of two markers that are worth the look
-constexpr double kLongest = 1.1;       // than by radii
+constexpr double kWorkOfThirds = 2500;  // in pixels, where markers are that nothing found
+constexpr double kSliverPairCost = 4;   // of two markers that are worth the look
+constexpr double kLongest = 1.1;        // than by radii
 constexpr double kMaxSizeCost = 9;
 // Of the stick.
 constexpr double kNoStickCost = 4;
@@ -49,6 +52,12 @@ struct Place {
   double size_cost = 0;
 };
 
+// Where a whole marker is seen that nothing found, and what it costs.
+struct ThirdPlace {
+  Place place;
+  double cost = 0;
+};
+
 // Two of the three markers, in the wand's order, and the one that is hidden.
 struct Layout {
   size_t first, second, hidden;
@@ -58,8 +67,13 @@ constexpr Layout kLayouts[] = {{1, 2, 0}, {0, 2, 1}, {0, 1, 2}};
 class PartSearch {
  public:
   PartSearch(const ImageView& image, const WandFinder& finder, absl::Span<const Blob> known_parts,
-             double* work, PartialWands* found)
-      : known_parts_(known_parts), image_(image), finder_(finder), work_(*work), found_(*found) {}
+             double third_work, double* work, PartialWands* found)
+      : known_parts_(known_parts),
+        image_(image),
+        finder_(finder),
+        third_work_(third_work),
+        work_(*work),
+        found_(*found) {}
 
   // `a` and `b` are markers first and second.
   void Try(const WholeMarker& a, const WholeMarker& b, size_t index_a, size_t index_b,
@@ -78,10 +92,12 @@ class PartSearch {
     const Eigen::Vector3f core = 0.5f * (a.core + b.core);
     const double radius = 0.5 * (sight_a.radius_px + sight_b.radius_px);
     std::optional<HiddenPart> best;
-    std::optional<Place> place;
+    std::optional<Place> place, best_place;
+    std::optional<ThirdPlace> third;
     const auto look = [&] {
       if (!finder_.ImageOf(place->ray, &place->centre_px)) return;
       ++found_.tried;
+      LookForThird(*place, core, &third);
       std::optional<HiddenPart> part =
           LookForPart(image_, place->centre_px, place->radius_px, core, pair.has_stick, &work_);
       if (!part) part = KnownAt(place->centre_px, place->radius_px, a, b);
@@ -99,6 +115,7 @@ class PartSearch {
       if (!best || part->cost < best->cost ||
           (part->cost == best->cost && part->share > best->share)) {
         best = part;
+        best_place = place;
       }
     };
     Eigen::Vector3d begin = Eigen::Vector3d::Zero();
@@ -129,23 +146,37 @@ class PartSearch {
       if (!place || moved || next.size_cost < place->size_cost) place = next;
     }
     if (place) look();
-    if (!best) return;
     WandCandidate candidate;
-    candidate.partial = static_cast<int>(layout.hidden);
-    candidate.has_stick = pair.has_stick;
     candidate.blobs.resize(kMarkers);
     candidate.blobs[layout.first] = static_cast<int>(index_a);
     candidate.blobs[layout.second] = static_cast<int>(index_b);
-    candidate.blobs[layout.hidden] = static_cast<int>(found_.blobs.size());
     absl::InlinedVector<MarkerSight, 4> sights(kMarkers);
     sights[layout.first] = sight_a;
     sights[layout.second] = sight_b;
-    if (!finder_.Sight(best->blob.centre_px, &sights[layout.hidden])) return;
-    LoosenSight(radius, &sights[layout.hidden]);
-    if (!FitWand(sights, shares, finder_.length_m(), options, &candidate.fit) ||
-        candidate.fit.cost > kMaxPartialCost) {
-      return;
+    // Fits the other two and a marker that is somewhere around `disc`.
+    const auto fit = [&](const Blob& disc, WandCandidate* its) {
+      MarkerSight& sight = sights[layout.hidden];
+      if (!finder_.Sight(disc.centre_px, &sight)) return false;
+      LoosenSight(radius, &sight);
+      its->blobs[layout.hidden] = static_cast<int>(found_.blobs.size());
+      return FitWand(sights, shares, finder_.length_m(), options, &its->fit) &&
+             its->fit.cost <= kMaxPartialCost;
+    };
+    if (third) {
+      WandCandidate whole = candidate;
+      const Blob disc = DiscBlob(third->place.centre_px, third->place.radius_px);
+      if (fit(disc, &whole)) {
+        whole.cost = whole.fit.cost + pair_cost + third->cost;
+        found_.blobs.push_back(disc);
+        found_.thirds.push_back(std::move(whole));
+      }
     }
+    if (!best) return;
+    candidate.partial = static_cast<int>(layout.hidden);
+    candidate.has_stick = pair.has_stick;
+    best->blob.centre_px =
+        MiddleBeyondBorder(image_, best->blob, best_place->centre_px, best_place->radius_px);
+    if (!fit(best->blob, &candidate)) return;
     candidate.cost = candidate.fit.cost + pair_cost + best->cost;
     candidate.partial_cost = best->cost;
     candidate.partial_size_cost = best->size_cost;
@@ -157,6 +188,14 @@ class PartSearch {
   }
 
  private:
+  void LookForThird(const Place& place, const Eigen::Vector3f& core,
+                    std::optional<ThirdPlace>* third) {
+    if (third_work_ <= 0) return;
+    const auto cost = ThirdMarkerCost(image_, place.centre_px, place.radius_px, core, &third_work_);
+    if (!cost || (*third && (*third)->cost <= *cost + place.size_cost)) return;
+    *third = ThirdPlace{place, *cost + place.size_cost};
+  }
+
   // A sliver is darker than a whole marker, but where little has the wand's colour it may be known.
   std::optional<HiddenPart> KnownAt(const Eigen::Vector2d& centre_px, double radius_px,
                                     const WholeMarker& a, const WholeMarker& b) const {
@@ -194,11 +233,10 @@ class PartSearch {
         seen_at(a.centre_px + b.centre_px - place.centre_px) < kStickSeen) {
       return std::nullopt;
     }
-    HiddenPart part{.share = 0, .around = 0, .cost = kCoveredCost, .blob = Blob()};
-    part.blob.centre_px = place.centre_px;
-    part.blob.area_px = static_cast<int>(std::numbers::pi * Squared(place.radius_px));
-    part.blob.second_moment_px2 = 0.25 * Squared(place.radius_px) * Eigen::Matrix2d::Identity();
-    return part;
+    return HiddenPart{.share = 0,
+                      .around = 0,
+                      .cost = kCoveredCost,
+                      .blob = DiscBlob(place.centre_px, place.radius_px)};
   }
 
   double SizeCost(const MarkerSight& a, const MarkerSight& b, double first_m,
@@ -225,6 +263,7 @@ class PartSearch {
   absl::Span<const Blob> known_parts_;
   const ImageView& image_;
   const WandFinder& finder_;
+  double third_work_;
   double& work_;
   PartialWands& found_;
 };
@@ -246,11 +285,11 @@ void LoosenSight(double radius_px, MarkerSight* sight) {
 PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
                               absl::Span<const WholeMarker> wholes,
                               absl::Span<const Blob> known_parts, size_t max_candidates,
-                              double* work) {
+                              double* work, bool look_for_third) {
   PartialWands found;
   if (finder.shares().size() != kMarkers) return found;
   for (const WholeMarker& whole : wholes) found.blobs.push_back(whole.blob);
-  PartSearch search(image, finder, known_parts, work, &found);
+  PartSearch search(image, finder, known_parts, look_for_third ? kWorkOfThirds : 0, work, &found);
   // Of a wand across the line of sight; no other one is longer in the image.
   const double diameter_m = finder.fit_options().diameter_m;
   const double longest_radii = diameter_m > 0 ? kLongest * 2 * finder.length_m() / diameter_m
@@ -271,10 +310,11 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
       search.Try(b, a, pair.last, pair.first, sight_b, sight_a, layout, pair);
     }
   }
-  std::sort(found.candidates.begin(), found.candidates.end(),
-            [](const WandCandidate& a, const WandCandidate& b) {
-              return std::tie(a.cost, a.blobs) < std::tie(b.cost, b.blobs);
-            });
+  for (auto* candidates : {&found.candidates, &found.thirds}) {
+    std::ranges::sort(*candidates, [](const WandCandidate& a, const WandCandidate& b) {
+      return std::tie(a.cost, a.blobs) < std::tie(b.cost, b.blobs);
+    });
+  }
   if (found.candidates.size() > max_candidates) found.candidates.resize(max_candidates);
   return found;
 }

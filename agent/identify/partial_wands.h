@@ -13,6 +13,7 @@ namespace rigcal::agent {
 
 struct PartialWands {
   std::vector<WandCandidate> candidates;  // by cost; blobs: index into `blobs`
+  std::vector<WandCandidate> thirds;      // whole ones, of two and a marker that nothing found
   std::vector<Blob> blobs;                // the whole ones as they were given, then the parts
   int tried = 0;                          // places that were looked at
   bool cut_short = false;                 // not all of them, for the time
@@ -28,11 +29,12 @@ struct PartialWands {
 // something covers the middle of a stick that is seen on both sides, and at the place where the
 // middle sphere would be the other way round the stick is seen. `known_parts`, where few things
 // have the wand's colour: any of them may be a part. At most `max_candidates`. `work`: pixels that
-// may be read, less those that were.
+// may be read, less those that were. `look_for_third`: also for whole markers that nothing found,
+// where the other two say that they are (ThirdMarkerCost).
 PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
                               absl::Span<const WholeMarker> wholes,
                               absl::Span<const Blob> known_parts, size_t max_candidates,
-                              double* work);
+                              double* work, bool look_for_third = false);
 
 // The least confidence of such a wand where so many places were looked at: two things and a part of
 // a third are found by chance among many. `in_room`: of a lit room, in which there are such things.

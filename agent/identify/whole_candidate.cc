@@ -6,6 +6,14 @@
 
 namespace rigcal::agent {
 
+Blob DiscBlob(const Eigen::Vector2d& centre_px, double radius_px) {
+  Blob disc;
+  disc.centre_px = centre_px;
+  disc.area_px = static_cast<int>(std::numbers::pi * radius_px * radius_px);
+  disc.second_moment_px2 = 0.25 * radius_px * radius_px * Eigen::Matrix2d::Identity();
+  return disc;
+}
+
 std::optional<WandCandidate> WholeCandidate(const WandFinder& finder, const VerifiedWand& wand,
                                             std::vector<Blob>* blobs) {
   const auto hidden =
@@ -18,15 +26,13 @@ std::optional<WandCandidate> WholeCandidate(const WandFinder& finder, const Veri
         std::max(radius_px, wand.centres[k].radius_px * wand.px_per_m[hidden] / wand.px_per_m[k]);
   }
   const double share = finder.shares()[hidden];
-  Blob disc;
-  if (!finder.ImageOf((1 - share) * wand.fit.first_m + share * wand.fit.last_m, &disc.centre_px)) {
+  Eigen::Vector2d centre_px;
+  if (!finder.ImageOf((1 - share) * wand.fit.first_m + share * wand.fit.last_m, &centre_px)) {
     return std::nullopt;
   }
-  disc.area_px = static_cast<int>(std::numbers::pi * radius_px * radius_px);
-  disc.second_moment_px2 = 0.25 * radius_px * radius_px * Eigen::Matrix2d::Identity();
   WandCandidate whole{.blobs = wand.blobs, .fit = wand.fit};
   whole.blobs[hidden] = static_cast<int>(blobs->size());
-  blobs->push_back(disc);
+  blobs->push_back(DiscBlob(centre_px, radius_px));
   return whole;
 }
 

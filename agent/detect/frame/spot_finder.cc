@@ -191,7 +191,7 @@ bool HasOtherHalves(absl::Span<const Spot> spots, absl::Span<const int> chosen) 
   });
 }
 
-double SpotFinder::min_contrast_grey() const { return kLevels[level_].contrast_grey; }
+double SpotFinder::ContrastGreyOf(size_t level) { return kLevels[level].contrast_grey; }
 
 void SpotFinder::SetIgnored(const PixelMask& ignored) {
   for (Level& level : levels_) {

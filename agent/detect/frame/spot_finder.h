@@ -75,7 +75,8 @@ class SpotFinder {
   double least_doubt_left() const { return least_doubt_left_; }
   size_t level() const { return level_; }
   // By which a marker of that level differs from what is around it, over all channels.
-  double min_contrast_grey() const;
+  double min_contrast_grey() const { return ContrastGreyOf(level_); }
+  static double ContrastGreyOf(size_t level);
   // Blobs of the last Find, or Look.
   const BlobResult& result() const { return levels_[level_].blobs.result(); }
 

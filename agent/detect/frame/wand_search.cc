@@ -8,6 +8,7 @@
 
 #include "agent/detect/frame/colour_share.h"
 #include "agent/detect/frame/image_exposure.h"
+#include "agent/detect/frame/spot_likeness.h"
 #include "agent/identify/partial_wands.h"
 #include "agent/identify/whole_candidate.h"
 
@@ -20,6 +21,7 @@ constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may b
 constexpr double kWorkOfPartial = 5500, kShareOfPartial = 0.45;  // their verification
 constexpr double kWorkOfParts = 4500;                            // of both, what others leave
 constexpr double kWorkOfWhole = 7000;                            // that another look finds
+constexpr size_t kMostThirds = 4;                                // markers that nothing found
 constexpr double kPartialLabels = 0.65;                          // their confidence
 
 // What a part of a search may take of the budget.
@@ -43,9 +45,9 @@ constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for 
 constexpr double kHiddenShare = 0.6, kSureOfPart = 0.98;
 constexpr double kWholeGain = 5;      // in cost, against the same with a hidden marker
 constexpr double kNoFurtherMs = 3.1;  // by the times above: no other level is begun
+constexpr double kThirdMs = 3.6;      // nor is what stood out looked at again
 constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand
-constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
 
 bool IsSurelyHidden(const VerifiedWand& wand) {
   return wand.has_part && wand.part_share > 0 && wand.part_share < kHiddenShare &&
@@ -72,6 +74,7 @@ void WandSearch::StartImage() {
   verifier_.StartImage();
   budget_.StartImage();
   by_evidence_.reset();
+  contrast_spots_.clear();
 }
 
 double WandSearch::ShareOf(int64_t count_px) const {
@@ -96,7 +99,13 @@ Verdict WandSearch::SearchAll(const ImageView& image) {
   std::optional<VerifiedWand> of_parts;
   Verdict verdict = SearchLevels(image, &of_parts);
   if (!verdict.wand && !verdict.ambiguous && !of_parts && parts_left_) {
-    verdict = SearchPartial(image, 0);
+    verdict = SearchPartial(image, spot_finder_.spots(), 0);
+  }
+  if (!verdict.wand && !verdict.ambiguous && !of_parts && !by_evidence_ &&
+      !contrast_spots_.empty() && EstimatedMs() < kThirdMs) {
+    // What stood out is the most there is to go by, if no level shows three spheres.
+    verifier_.RequireContrast(SpotFinder::ContrastGreyOf(SpotFinder::kContrastLevel));
+    verdict = SearchPartial(image, contrast_spots_, 0, true);
   }
   if (!verdict.wand && !verdict.ambiguous && !of_parts) verdict.wand = std::move(by_evidence_);
   const double gain = verdict.wand && verdict.wand->OccludedCount() == 0 ? kWholeGain : 0;
@@ -170,30 +179,6 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
   return verdict;
 }
 
-// How unlike the middles of a candidate's markers are, as a chi-squared.
-double WandSearch::Unlikeness(const WandCandidate& candidate) const {
-  float mean = 0;
-  Eigen::Vector3f colour = Eigen::Vector3f::Zero();
-  const auto count = static_cast<float>(candidate.blobs.size());
-  const auto core_of = [this](int blob) {
-    return spot_finder_.spots()[static_cast<size_t>(blob)].core;
-  };
-  for (const int blob : candidate.blobs) {
-    const float brightness = core_of(blob).norm();
-    mean += std::log(brightness) / count;
-    colour += core_of(blob) / brightness;
-  }
-  colour.normalize();
-  double cost = 0;
-  for (const int blob : candidate.blobs) {
-    const float brightness = core_of(blob).norm();
-    const float away = (std::log(brightness) - mean) / kBrightnessSigma;
-    cost += static_cast<double>(away * away + (core_of(blob) / brightness - colour).squaredNorm() /
-                                                  (kColourSigma * kColourSigma));
-  }
-  return cost;
-}
-
 // What was left out is hardly as good.
 bool WandSearch::IsSure(const VerifiedWand& wand) const {
   return wand.cost < kSureCost && spot_finder_.least_doubt_left() > wand.cost + kALittleWorse;
@@ -252,7 +237,7 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < found.size(); ++i) {
     if (!HasOtherHalves(spot_finder_.spots(), found[i].blobs)) continue;
-    order.emplace_back(found[i].cost + Unlikeness(found[i]), i);
+    order.emplace_back(found[i].cost + Unlikeness(spot_finder_.spots(), found[i]), i);
   }
   std::sort(order.begin(), order.end());
   candidates_.clear();
@@ -293,8 +278,10 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
     // Whole wands are looked for in the next levels first: light of a room whitens the spheres.
     parts_left_ = more_follow || level == SpotFinder::kContrastLevel ||
                   (level < SpotFinder::kPaleLevels[0] && IsLit(image));
+    if (level == SpotFinder::kContrastLevel) contrast_spots_ = spot_finder_.spots();
     if (parts_left_) return verdict;
-    return SearchPartial(image, level < SpotFinder::kPaleLevels[1] ? kWorkOfNext : 0);
+    return SearchPartial(image, spot_finder_.spots(),
+                         level < SpotFinder::kPaleLevels[1] ? kWorkOfNext : 0);
   }
   if (!verdict.wand) return verdict;
   if (!may_have_rivals()) {
@@ -306,13 +293,14 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
   verdict.wand.reset();
   // Of two spheres and something else, another thing may be the third one's part.
   if (is_whole || more_follow || part != image.Bounds()) return verdict;
-  return SearchPartial(image, kWorkOfNext);
+  return SearchPartial(image, spot_finder_.spots(), kWorkOfNext);
 }
 
 // A wand of which one marker is mostly hidden. `kept_work` is for what follows.
-Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
+Verdict WandSearch::SearchPartial(const ImageView& image, absl::Span<const Spot> spots,
+                                  double kept_work, bool look_for_third) {
   std::vector<WholeMarker> wholes;
-  for (const Spot& spot : spot_finder_.spots()) {
+  for (const Spot& spot : spots) {
     if (!IsRound(spot.blob) || spot.blob.touches_border || spot.is_half) continue;
     wholes.push_back({spot.blob, spot.core, spot.doubt});
   }
@@ -321,16 +309,17 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
       budget_.TakeWork(std::min(kShareOfPartial * budget_.work_left(), kWorkOfPartial));
   double places = budget_.TakeWork(kWorkOfPlaces);
   const auto few_spots = static_cast<size_t>(
-      std::ranges::count_if(spot_finder_.spots(), [](const Spot& spot) { return !spot.is_half; }));
+      std::ranges::count_if(spots, [](const Spot& spot) { return !spot.is_half; }));
   const bool few = few_spots <= kFewThings && result().blobs.size() <= kFewThings;
   std::vector<Blob> parts;
   if (few) {
-    for (const Spot& spot : spot_finder_.spots()) {
+    for (const Spot& spot : spots) {
       if (!spot.is_half) parts.push_back(spot.blob);
     }
     for (const Blob& blob : result().blobs) parts.push_back(blob);
   }
-  PartialWands found = FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places);
+  PartialWands found =
+      FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places, look_for_third);
   budget_.GiveBackWork(std::max(0.0, places) + to_verify);
   double work = budget_.TakeWork(kWorkOfLevel);
   standing_out_ = std::move(found.blobs);
@@ -356,6 +345,25 @@ Verdict WandSearch::SearchPartial(const ImageView& image, double kept_work) {
   }
   if (verdict.wand && !verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();
   if (verdict.wand) TryWhole(image, &*verdict.wand);
+  if (!look_for_third || verdict.wand) return verdict;
+  return SearchThird(image, found.thirds, found.tried);
+}
+
+// A wand of two markers that were found and of one that was not, but is seen where they say.
+Verdict WandSearch::SearchThird(const ImageView& image, absl::Span<const WandCandidate> thirds,
+                                int places_tried) {
+  if (thirds.empty()) return {};
+  double work = budget_.TakeWork(kWorkOfWhole);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_,
+                                     thirds.first(std::min(thirds.size(), kMostThirds)),
+                                     tried_ + places_tried, IsLit(image), &work);
+  budget_.GiveBackWork(work);
+  if (!verdict.wand || verdict.ambiguous ||
+      verdict.wand->confidence < LeastPartialConfidence(places_tried, IsLit(image)) ||
+      verdict.wand->label_confidence < kPartialLabels ||
+      !verifier_.FitOutlines(image, &*verdict.wand) || verdict.wand->OccludedCount() > 0) {
+    return {};
+  }
   return verdict;
 }
 

@@ -48,13 +48,15 @@ class WandSearch {
   bool IsCrowded() const;
   bool IsLit(const ImageView& image);
   double EstimatedMs() const;
-  double Unlikeness(const WandCandidate& candidate) const;
   bool IsSure(const VerifiedWand& wand) const;
   Verdict VerifyFound(const ImageView& image, double most_work);
   // `only_if_few`: see SpotFinder::Find.
   Verdict Search(const ImageView& image, const PixelRect& part, size_t level,
                  bool only_if_few = false);
-  Verdict SearchPartial(const ImageView& image, double kept_work);
+  Verdict SearchPartial(const ImageView& image, absl::Span<const Spot> spots, double kept_work,
+                        bool look_for_third = false);
+  Verdict SearchThird(const ImageView& image, absl::Span<const WandCandidate> thirds,
+                      int places_tried);
   void TryWhole(const ImageView& image, VerifiedWand* wand);
   Verdict SearchLevels(const ImageView& image, std::optional<VerifiedWand>* of_parts);
 
@@ -75,8 +77,9 @@ class WandSearch {
   int tried_ = 0;  // sets of spots, among which some fit by chance
   // Of all its searches: with a marker that is not whole, which only evidence makes a wand.
   std::optional<VerifiedWand> by_evidence_;
-  bool parts_left_ = false;  // the last Search looked for whole wands only
-  bool has_rivals_ = false;  // the last Search measured two wands that are equally good
+  std::vector<Spot> contrast_spots_;  // of the level of contrast, where they make no wand
+  bool parts_left_ = false;           // the last Search looked for whole wands only
+  bool has_rivals_ = false;           // the last Search measured two wands that are equally good
   double passed_share_ = 0, white_share_ = 0;
   std::optional<bool> is_lit_;  // more than a dark room's spots; none: not looked at yet
 };

@@ -37,22 +37,34 @@ class Discs {
 
   // Of a disc what is right of its middle.
   void AddHalf(double x, double y) { Draw(x, y, kRadius, x); }
+  // Of one beyond the border what is in the image.
+  void AddCut(double x, double y) { Draw(x, y, kRadius); }
 
-  PartialWands Search(double work) const {
+  // A whole one that nothing found, with more of its look around it than a marker has.
+  void AddAmongLike(double x, double y) {
+    Draw(x, y, 1.8 * kRadius, x + 0.5 * kRadius);
+    Draw(x, y, kRadius + 4, 0, kDark);
+    Draw(x, y, kRadius);
+    Draw(x, y - 1.5 * kRadius, 6);
+    Draw(x, y + 1.5 * kRadius, 6);
+  }
+
+  PartialWands Search(double work, bool look_for_third = false) const {
     const ImageView view{pixels_.data(), kViewWidth, kViewHeight, ptrdiff_t{3} * kViewWidth,
                          PixelFormat::kBgr8};
     return FindPartialWands(view, WandFinder({}, PaperWand(), ViewCamera()), wholes_, {}, 100,
-                            &work);
+                            &work, look_for_third);
   }
 
  private:
-  static constexpr std::array<uint8_t, 3> kGrey = {40, 110, 200};
+  static constexpr std::array<uint8_t, 3> kGrey = {40, 110, 200}, kDark = {12, 12, 12};
 
-  void Draw(double x, double y, double radius, double from_x = 0) {
+  void Draw(double x, double y, double radius, double from_x = 0,
+            const std::array<uint8_t, 3>& grey = kGrey) {
     for (int v = 0; v < kViewHeight; ++v) {
       for (int u = 0; u < kViewWidth; ++u) {
         if (u < from_x || (u - x) * (u - x) + (v - y) * (v - y) > radius * radius) continue;
-        std::copy(kGrey.begin(), kGrey.end(),
+        std::copy(grey.begin(), grey.end(),
                   &pixels_[3 * (static_cast<size_t>(v) * kViewWidth + static_cast<size_t>(u))]);
       }
     }
@@ -73,6 +85,85 @@ TEST(FindPartialWands, FindsAWandOfWhichHalfOfASphereIsSeen) {
   EXPECT_EQ(found.candidates[0].blobs[0], 0);
   EXPECT_EQ(found.candidates[0].blobs[2], 1);
   EXPECT_FALSE(found.cut_short);
+}
+
+// What the border leaves of a marker is up to a radius away from its middle.
+TEST(FindPartialWands, AMarkerBeyondTheBorderFitsThePose) {
+  Discs discs;
+  discs.Add(449, 240);
+  discs.Add(514, 240);
+  discs.AddCut(644, 240);  // a sixth of it is in the image
+  const PartialWands found = discs.Search(3000);
+  ASSERT_FALSE(found.candidates.empty());
+  EXPECT_EQ(found.candidates[0].partial, 2);
+  EXPECT_LT(found.candidates[0].fit.cost, 0.1);
+}
+
+TEST(FindPartialWands, FindsAWholeMarkerThatNothingFoundWhereTheOthersSay) {
+  Discs discs;
+  discs.Add(200, 240);
+  discs.Add(265, 240);
+  discs.AddAmongLike(395, 240);
+  EXPECT_TRUE(discs.Search(3000).thirds.empty());
+  const PartialWands found = discs.Search(3000, true);
+  ASSERT_FALSE(found.thirds.empty());
+  const WandCandidate& wand = found.thirds[0];
+  EXPECT_EQ(wand.partial, -1);
+  ASSERT_EQ(wand.blobs.size(), 3);
+  EXPECT_EQ(wand.blobs[0], 0);
+  EXPECT_EQ(wand.blobs[1], 1);
+  const Blob& third = found.blobs[static_cast<size_t>(wand.blobs[2])];
+  EXPECT_LT((third.centre_px - Eigen::Vector2d(395, 240)).norm(), 0.3 * kRadius);
+  EXPECT_NEAR(third.area_px, std::numbers::pi * kRadius * kRadius, 40);
+}
+
+// Of a marker whose middle is so far beyond the image's left border a part is left.
+TEST(MiddleBeyondBorder, IsThatOfTheDisc) {
+  const std::vector<uint8_t> pixels(size_t{3} * 100 * 100, 12);
+  const ImageView view{pixels.data(), 100, 100, 300, PixelFormat::kBgr8};
+  for (const double beyond_px : {-0.5 * kRadius, 0.0, 0.4 * kRadius, 0.8 * kRadius}) {
+    const Eigen::Vector2d middle(-0.5 - beyond_px, 50);
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+    int count = 0;  // of a tenth of a pixel
+    for (double x = -0.45; x < 20; x += 0.1) {
+      for (double y = 30; y < 70; y += 0.1) {
+        if ((Eigen::Vector2d(x, y) - middle).norm() > kRadius) continue;
+        sum += Eigen::Vector2d(x, y);
+        ++count;
+      }
+    }
+    Blob part;
+    part.centre_px = sum / count;
+    part.area_px = count / 100;
+    const Eigen::Vector2d place = middle + Eigen::Vector2d(0.2 * kRadius, 0);
+    EXPECT_LT((MiddleBeyondBorder(view, part, place, kRadius) - middle).norm(), 0.06 * kRadius);
+  }
+  Blob inside;
+  inside.centre_px = {50, 50};
+  inside.area_px = 100;
+  EXPECT_EQ(MiddleBeyondBorder(view, inside, {52, 50}, kRadius), inside.centre_px);
+}
+
+// A disc of the markers' look whose middle is beyond the right border.
+bool SeesBeyondBorder(double beyond_px) {
+  std::vector<uint8_t> pixels(size_t{3} * 100 * 100, 12);
+  const Eigen::Vector2d middle(99.5 + beyond_px, 50);
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      if ((Eigen::Vector2d(x, y) - middle).norm() > kRadius) continue;
+      uint8_t* const pixel = &pixels[3 * (static_cast<size_t>(y) * 100 + static_cast<size_t>(x))];
+      pixel[0] = 40, pixel[1] = 110, pixel[2] = 200;
+    }
+  }
+  const ImageView view{pixels.data(), 100, 100, 300, PixelFormat::kBgr8};
+  double work = 3000;
+  return LookForPart(view, middle, kRadius, {40, 110, 200}, false, &work).has_value();
+}
+
+TEST(LookForPart, ATenthOfADiscWithinTheImageIsEnough) {
+  EXPECT_TRUE(SeesBeyondBorder(0.3 * kRadius));
+  EXPECT_TRUE(SeesBeyondBorder(0.65 * kRadius));   // a tenth
+  EXPECT_FALSE(SeesBeyondBorder(0.85 * kRadius));  // a thirtieth
 }
 
 // A disc of the markers' look in front of something as bright all around it, or on it only, of

@@ -54,6 +54,27 @@ TEST(PartialWand, ASphereThatTheBorderCutsIsTakenFromItsArc) {
   FAIL() << "no pose at the border";
 }
 
+TEST(PartialWand, OfOneThatTheBorderHidesNearlyTheOtherTwoAreFoundInARoom) {
+  RenderedWand scene(RoomWithStick());
+  int tried = 0, found = 0;
+  for (double x_m = -1.1; x_m < -0.6; x_m += 0.0004) {
+    const WandMotion motion = RenderedWand::Wand({x_m, 0.1, 1.6}, {1, 0.2, 0.1});
+    const FrameGroundTruth truth = scene.Render(motion);
+    const MarkerGroundTruth& cut = truth.markers[0];
+    // A twelfth to a sixth of it is seen.
+    const double beyond = -(cut.centre_px.x() + 0.5) / cut.radius_px;
+    if (beyond < 0.53 || beyond > 0.72) continue;
+    ++tried;
+    const auto seen = Detected(scene);
+    if (!seen) continue;
+    ++found;
+    ExpectAt(seen->markers[1], truth.markers[1], 0.2);
+    ExpectAt(seen->markers[2], truth.markers[2], 0.2);
+  }
+  EXPECT_GT(tried, 1);
+  EXPECT_EQ(found, tried);
+}
+
 TEST(PartialWand, OfOneOfThreeThatIsMostlySeenTheOtherTwoAreFound) {
   RenderedWand scene;
   const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.3, 0.1, 2.2}, {1, 0.2, 0.3}));
@@ -65,6 +86,25 @@ TEST(PartialWand, OfOneOfThreeThatIsMostlySeenTheOtherTwoAreFound) {
   ExpectAt(seen->markers[0], truth.markers[0], 0.1);
   ExpectAt(seen->markers[1], truth.markers[1], 0.1);
   if (seen->markers[2].visible) ExpectAt(seen->markers[2], hidden, 1);
+}
+
+// What is left of it is round enough to be fitted as a smaller sphere.
+TEST(PartialWand, HalfOfASphereIsNotTakenForASmallerOne) {
+  RenderedWand scene(RoomWithStick());
+  for (int share = -2; share <= 4; ++share) {
+    for (const double depth_m : {1.0, 1.3, 1.6, 2.2}) {
+      const FrameGroundTruth truth =
+          scene.Render(RenderedWand::Wand({-0.2, 0.1, depth_m}, {1, 0.2, 0.1}),
+                       static_cast<uint64_t>(share + 9));
+      const MarkerGroundTruth& hidden = truth.markers[2];
+      const double top_px = hidden.centre_px.y() + 0.1 * share * hidden.radius_px;
+      scene.Fill(static_cast<int>(hidden.centre_px.x()) - 60, static_cast<int>(top_px), 120, 40, 20,
+                 20, 30);
+      const auto seen = Detected(scene);
+      if (!seen || !seen->markers[2].visible) continue;
+      ExpectAt(seen->markers[2], hidden, 1);
+    }
+  }
 }
 
 TEST(PartialWand, WhereTheMiddleOfAStickIsCoveredItsEndsAreFound) {

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "absl/types/span.h"
+#include "agent/detect/frame/spot_finder.h"
+#include "agent/identify/wand_finder.h"
+
+namespace rigcal::agent {
+
+// How unlike the middles of a candidate's markers are, in brightness and colour, as a chi-squared.
+// The candidate's blobs are those of `spots`.
+double Unlikeness(absl::Span<const Spot> spots, const WandCandidate& candidate);
+
+}  // namespace rigcal::agent

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/third_marker.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "agent/identify/ring_background.h"
+#include "agent/identify/squared.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr double kWorkOfSample = 0.08;                  // against one that is measured
+constexpr double kMiddle = 0.5;                         // of the radius: samples of the middle
+constexpr double kOutsideRadii = 1.15, kOutsidePx = 2;  // samples around
+constexpr int kDirections = 16, kMostLikeMiddle = 5;    // directions
+constexpr float kLeastStepGrey = 7;                     // of a sample's difference from the middle
+constexpr double kMiddleBrightness = 0.25,
+                 kMiddleColour = 0.12;  // one sigma: of the logarithm; in rad
+constexpr double kMostCost = 9;
+
+Eigen::Vector3f MeanOf4(const ImageView& image, double x, double y) {
+  const int left = static_cast<int>(std::floor(x)), top = static_cast<int>(std::floor(y));
+  return 0.25f * (GreyAt(image, left, top) + GreyAt(image, left + 1, top) +
+                  GreyAt(image, left, top + 1) + GreyAt(image, left + 1, top + 1));
+}
+
+}  // namespace
+
+std::optional<double> ThirdMarkerCost(const ImageView& image, const Eigen::Vector2d& centre_px,
+                                      double radius_px, const Eigen::Vector3f& core, double* work) {
+  const double reach_px = kOutsideRadii * radius_px + kOutsidePx;
+  if (!(centre_px.x() > reach_px && centre_px.y() > reach_px &&
+        centre_px.x() + reach_px + 2 < image.width &&
+        centre_px.y() + reach_px + 2 < image.height)) {
+    return std::nullopt;
+  }
+  Eigen::Vector3f middle = MeanOf4(image, centre_px.x(), centre_px.y());
+  for (int k = 0; k < 8; ++k) {
+    const double angle = k * std::numbers::pi / 4;
+    middle += MeanOf4(image, centre_px.x() + kMiddle * radius_px * std::cos(angle),
+                      centre_px.y() + kMiddle * radius_px * std::sin(angle));
+  }
+  middle /= 9;
+  *work -= kWorkOfSample * 36;
+  const float brightness = std::max(1.0f, middle.norm()), expected = std::max(1.0f, core.norm());
+  const double cost =
+      Squared(static_cast<double>(std::log(brightness / expected)) / kMiddleBrightness) +
+      static_cast<double>((middle / brightness - core / expected).squaredNorm()) /
+          Squared(kMiddleColour);
+  if (cost > kMostCost) return std::nullopt;
+  *work -= kWorkOfSample * 4 * kDirections;
+  int alike = 0;
+  for (int k = 0; k < kDirections; ++k) {
+    const double angle = k * 2 * std::numbers::pi / kDirections;
+    const Eigen::Vector3f there = MeanOf4(image, centre_px.x() + reach_px * std::cos(angle),
+                                          centre_px.y() + reach_px * std::sin(angle));
+    alike += (there - middle).squaredNorm() < kLeastStepGrey * kLeastStepGrey ? 1 : 0;
+  }
+  if (alike > kMostLikeMiddle) return std::nullopt;
+  return cost;
+}
+
+}  // namespace rigcal::agent

@@ -103,7 +103,6 @@ Verdict WandSearch::SearchAll(const ImageView& image) {
   }
   if (!verdict.wand && !verdict.ambiguous && !of_parts && !by_evidence_ &&
       !contrast_spots_.empty() && EstimatedMs() < kThirdMs) {
-    // What stood out is the most there is to go by, if no level shows three spheres.
     verifier_.RequireContrast(SpotFinder::ContrastGreyOf(SpotFinder::kContrastLevel));
     verdict = SearchPartial(image, contrast_spots_, 0, true);
   }
@@ -321,6 +320,12 @@ Verdict WandSearch::SearchPartial(const ImageView& image, absl::Span<const Spot>
   PartialWands found =
       FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places, look_for_third);
   budget_.GiveBackWork(std::max(0.0, places) + to_verify);
+  if (look_for_third) {
+    // Parts were looked for in other levels; two spheres that only stand out have no sure labels.
+    budget_.GiveBackWork(kept);
+    standing_out_ = std::move(found.blobs);
+    return SearchThird(image, found.thirds, found.tried);
+  }
   double work = budget_.TakeWork(kWorkOfLevel);
   standing_out_ = std::move(found.blobs);
   candidates_ = std::move(found.candidates);
@@ -345,14 +350,12 @@ Verdict WandSearch::SearchPartial(const ImageView& image, absl::Span<const Spot>
   }
   if (verdict.wand && !verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();
   if (verdict.wand) TryWhole(image, &*verdict.wand);
-  if (!look_for_third || verdict.wand) return verdict;
-  return SearchThird(image, found.thirds, found.tried);
+  return verdict;
 }
 
 // A wand of two markers that were found and of one that was not, but is seen where they say.
 Verdict WandSearch::SearchThird(const ImageView& image, absl::Span<const WandCandidate> thirds,
                                 int places_tried) {
-  if (thirds.empty()) return {};
   double work = budget_.TakeWork(kWorkOfWhole);
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_,
                                      thirds.first(std::min(thirds.size(), kMostThirds)),

@@ -320,12 +320,6 @@ Verdict WandSearch::SearchPartial(const ImageView& image, absl::Span<const Spot>
   PartialWands found =
       FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places, look_for_third);
   budget_.GiveBackWork(std::max(0.0, places) + to_verify);
-  if (look_for_third) {
-    // Parts were looked for in other levels; two spheres that only stand out have no sure labels.
-    budget_.GiveBackWork(kept);
-    standing_out_ = std::move(found.blobs);
-    return SearchThird(image, found.thirds, found.tried);
-  }
   double work = budget_.TakeWork(kWorkOfLevel);
   standing_out_ = std::move(found.blobs);
   candidates_ = std::move(found.candidates);
@@ -350,7 +344,10 @@ Verdict WandSearch::SearchPartial(const ImageView& image, absl::Span<const Spot>
   }
   if (verdict.wand && !verifier_.FitOutlines(image, &*verdict.wand)) verdict.wand.reset();
   if (verdict.wand) TryWhole(image, &*verdict.wand);
-  return verdict;
+  if (!look_for_third) return verdict;
+  // Of two that only stand out evidence alone does not say which markers they are.
+  if (verdict.wand && !verifier_.IsByEvidence(*verdict.wand)) return verdict;
+  return SearchThird(image, found.thirds, found.tried);
 }
 
 // A wand of two markers that were found and of one that was not, but is seen where they say.

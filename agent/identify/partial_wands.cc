@@ -67,11 +67,11 @@ constexpr Layout kLayouts[] = {{1, 2, 0}, {0, 2, 1}, {0, 1, 2}};
 class PartSearch {
  public:
   PartSearch(const ImageView& image, const WandFinder& finder, absl::Span<const Blob> known_parts,
-             double third_work, double* work, PartialWands* found)
+             double* third_work, double* work, PartialWands* found)
       : known_parts_(known_parts),
         image_(image),
         finder_(finder),
-        third_work_(third_work),
+        third_work_(*third_work),
         work_(*work),
         found_(*found) {}
 
@@ -263,7 +263,7 @@ class PartSearch {
   absl::Span<const Blob> known_parts_;
   const ImageView& image_;
   const WandFinder& finder_;
-  double third_work_;
+  double& third_work_;
   double& work_;
   PartialWands& found_;
 };
@@ -289,7 +289,9 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
   PartialWands found;
   if (finder.shares().size() != kMarkers) return found;
   for (const WholeMarker& whole : wholes) found.blobs.push_back(whole.blob);
-  PartSearch search(image, finder, known_parts, look_for_third ? kWorkOfThirds : 0, work, &found);
+  const double most_third_work = look_for_third ? kWorkOfThirds : 0;
+  double third_work = most_third_work;
+  PartSearch search(image, finder, known_parts, &third_work, work, &found);
   // Of a wand across the line of sight; no other one is longer in the image.
   const double diameter_m = finder.fit_options().diameter_m;
   const double longest_radii = diameter_m > 0 ? kLongest * 2 * finder.length_m() / diameter_m
@@ -310,6 +312,7 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
       search.Try(b, a, pair.last, pair.first, sight_b, sight_a, layout, pair);
     }
   }
+  *work -= most_third_work - third_work;
   for (auto* candidates : {&found.candidates, &found.thirds}) {
     std::ranges::sort(*candidates, [](const WandCandidate& a, const WandCandidate& b) {
       return std::tie(a.cost, a.blobs) < std::tie(b.cost, b.blobs);

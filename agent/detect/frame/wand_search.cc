@@ -98,15 +98,13 @@ double WandSearch::EstimatedMs() const { return budget_.EstimatedMs(spot_finder_
 Verdict WandSearch::SearchAll(const ImageView& image) {
   std::optional<VerifiedWand> of_parts;
   Verdict verdict = SearchLevels(image, &of_parts);
-  if (!verdict.wand && !verdict.ambiguous && !of_parts && parts_left_) {
-    verdict = SearchPartial(image, spot_finder_.spots(), 0);
-  }
-  if (!verdict.wand && !verdict.ambiguous && !of_parts && !by_evidence_ &&
-      !contrast_spots_.empty() && EstimatedMs() < kThirdMs) {
+  const auto has_none = [&] { return !verdict.wand && !verdict.ambiguous && !of_parts; };
+  if (has_none() && parts_left_) verdict = SearchPartial(image, spot_finder_.spots(), 0);
+  if (has_none() && !by_evidence_ && !contrast_spots_.empty() && EstimatedMs() < kThirdMs) {
     verifier_.RequireContrast(SpotFinder::ContrastGreyOf(SpotFinder::kContrastLevel));
     verdict = SearchPartial(image, contrast_spots_, 0, true);
   }
-  if (!verdict.wand && !verdict.ambiguous && !of_parts) verdict.wand = std::move(by_evidence_);
+  if (has_none()) verdict.wand = std::move(by_evidence_);
   const double gain = verdict.wand && verdict.wand->OccludedCount() == 0 ? kWholeGain : 0;
   if (of_parts && (!verdict.wand || verdict.wand->cost > of_parts->cost + gain)) {
     verdict = Verdict();

@@ -88,25 +88,6 @@ TEST(PartialWand, OfOneOfThreeThatIsMostlySeenTheOtherTwoAreFound) {
   if (seen->markers[2].visible) ExpectAt(seen->markers[2], hidden, 1);
 }
 
-// What is left of it is round enough to be fitted as a smaller sphere.
-TEST(PartialWand, HalfOfASphereIsNotTakenForASmallerOne) {
-  RenderedWand scene(RoomWithStick());
-  for (int share = -2; share <= 4; ++share) {
-    for (const double depth_m : {1.0, 1.3, 1.6, 2.2}) {
-      const FrameGroundTruth truth =
-          scene.Render(RenderedWand::Wand({-0.2, 0.1, depth_m}, {1, 0.2, 0.1}),
-                       static_cast<uint64_t>(share + 9));
-      const MarkerGroundTruth& hidden = truth.markers[2];
-      const double top_px = hidden.centre_px.y() + 0.1 * share * hidden.radius_px;
-      scene.Fill(static_cast<int>(hidden.centre_px.x()) - 60, static_cast<int>(top_px), 120, 40, 20,
-                 20, 30);
-      const auto seen = Detected(scene);
-      if (!seen || !seen->markers[2].visible) continue;
-      ExpectAt(seen->markers[2], hidden, 1);
-    }
-  }
-}
-
 TEST(PartialWand, WhereTheMiddleOfAStickIsCoveredItsEndsAreFound) {
   RenderedWand scene(RoomWithStick());
   const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.2, 0.1, 1.6}, {1, 0.2, 0.1}));

@@ -331,11 +331,13 @@ Verdict WandSearch::SearchPartial(const ImageView& image, absl::Span<const Spot>
     });
     const double its_cost = std::min(chosen->cost, verdict.wand->cost);
     const bool is_rival = verdict.measured < candidates_.size() &&
-                          candidates_[verdict.measured].cost < its_cost + kSureCost;
+                          candidates_[verdict.measured].cost < its_cost + kALittleWorse;
     const bool is_short = chosen->has_stick ? found.cut_stick : found.cut_short;
     if (is_rival || (is_short && its_cost > kSureCost)) verdict.wand.reset();
   }
-  const double least = few ? 0 : LeastPartialConfidence(found.tried, IsLit(image));
+  // Two things that only stand out are less than two of the wand's colour, however few there are.
+  const double least =
+      few && !look_for_third ? 0 : LeastPartialConfidence(found.tried, IsLit(image));
   if (verdict.wand &&
       (verdict.wand->confidence < least || verdict.wand->label_confidence < kPartialLabels)) {
     verdict.wand.reset();

@@ -31,6 +31,7 @@ constexpr double kWholeMisfitEvidence = 10, kUsualSum = 0.45;
 constexpr double kFreeColour = 5, kMostColourEvidence = 5, kClippedGrey = 235,
                  kLikeClippedColour = 0.06;
 constexpr double kMostMiddleTilt = 1.25, kThinShare = 0.05, kMostThinCost = 7;
+constexpr double kMuchOfPart = 0.25, kLittleOfPart = 0.1, kLittleCost = 2;
 constexpr double kUsualMisfit = 0.5, kMostPartMisfit = 0.3, kMostOffShare = 0.25;
 
 struct MisfitSums {
@@ -68,6 +69,12 @@ bool SaysWhichMarkers(const WandCandidate& candidate, const VerifiedWand& wand) 
   }
   const double cost = wand.fit.cost + TiltCost(wand.fit.tilt_rad) + candidate.partial_cost;
   return candidate.has_stick || candidate.partial_share > kThinShare || cost < kMostThinCost;
+}
+
+double FlippedCost(const VerifiedWand& wand, const VerifiedWand& flipped) {
+  const bool is_by_little =
+      wand.part_share > kMuchOfPart && flipped.has_part && flipped.part_share < kLittleOfPart;
+  return flipped.cost + (is_by_little ? kLittleCost : 0);
 }
 
 double OutlineEvidence(absl::Span<const OutlineMatch> outlines) {

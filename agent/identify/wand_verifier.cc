@@ -29,7 +29,8 @@ constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kGoesOn = 0.05;     // of what is around, in the marker's grey levels
 constexpr double kTooAlike = 0.5;    // for its outline to be seen
 constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma = 0.08,
-                 kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5, kMostPartialFit = 2;
+                 kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5, kMostPartialFit = 2,
+                 kMostFitWithStick = 3;
 constexpr double kSeenStickGain = 2;
 constexpr double kMargin = 8;  // in cost, of a wand against the next best
 // The same two spheres the other way round are hardly ever nearer than that, and never better.
@@ -168,7 +169,8 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     // Windows are full of pairs of white things.
     if (in_room_ && (IsWhite(wand) || !SaysWhichMarkers(candidate, wand))) return std::nullopt;
     // Lamps of one kind are as round and as alike, but hardly as far apart and as large.
-    if (in_room_ && wand.fit.cost > kMostPartialFit) return std::nullopt;
+    const double most_fit = candidate.has_stick ? kMostFitWithStick : kMostPartialFit;
+    if (in_room_ && wand.fit.cost > most_fit) return std::nullopt;
     wand.has_part = true;
     wand.part_share = candidate.partial_share;
     wand.evidence = PartialEvidence(candidate, wand, UnresolvedCost(wand), in_room_);
@@ -255,7 +257,8 @@ Verdict WandVerifier::Choose() {
     if (!Disjoint(now, other) && other.OccludedCount() > now.OccludedCount()) continue;
     // The same two spheres the other way round; the labels have a confidence of their own.
     const bool is_flipped = SameWholeBlobs(now, other);
-    verdict.ambiguous |= other.cost < now.cost + (is_flipped ? kFlippedMargin : kMargin);
+    verdict.ambiguous |= is_flipped ? FlippedCost(now, other) < now.cost + kFlippedMargin
+                                    : other.cost < now.cost + kMargin;
   }
   VerifiedWand& wand = evaluated_[best];
   if (wand.confidence < min_confidence_) return Verdict();
@@ -264,7 +267,8 @@ Verdict WandVerifier::Choose() {
     const bool is_flipped = other.confidence >= min_confidence_ && SameWholeBlobs(wand, other) &&
                             !SameWholes(wand, other);
     if (&other == &wand || !(is_flipped || SameBlobs(wand.blobs, other.blobs))) continue;
-    const double certainty = 1 / (1 + std::exp(0.5 * (wand.cost - other.cost)));
+    const double other_cost = is_flipped ? FlippedCost(wand, other) : other.cost;
+    const double certainty = 1 / (1 + std::exp(0.5 * (wand.cost - other_cost)));
     wand.label_confidence = std::min(wand.label_confidence, certainty);
   }
   wand.label_confidence = std::clamp(wand.label_confidence, 0.5, kCertain);

@@ -95,6 +95,20 @@ TEST(SaysWhichMarkers, AThinRimDoesWhereAllElseFits) {
 }
 
 // Labels are nearly as round as spheres, but not quite.
+TEST(FlippedCost, OfHardlyARimIsMoreThanOfWhatIsSeenAsMuch) {
+  VerifiedWand much, rim, whole;
+  much.has_part = rim.has_part = true;
+  much.part_share = 0.4;
+  rim.part_share = 0.03;
+  much.cost = 5.5;
+  rim.cost = whole.cost = 6.5;
+  EXPECT_GT(FlippedCost(much, rim), rim.cost + 1);
+  EXPECT_DOUBLE_EQ(FlippedCost(rim, much), much.cost);
+  EXPECT_DOUBLE_EQ(FlippedCost(much, whole), whole.cost);
+  rim.part_share = 0.3;
+  EXPECT_DOUBLE_EQ(FlippedCost(much, rim), rim.cost);
+}
+
 TEST(OutlineEvidence, WhatFitsWorseIsLess) {
   const OutlineMatch good{0.55, 0}, rough{0.7, 0}, off{0.55, 0.0625}, none;
   const double both = OutlineEvidence({good, good});

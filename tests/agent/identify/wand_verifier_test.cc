@@ -20,10 +20,17 @@ namespace {
 constexpr double kRadiusPx = 5, kFirstX = 250.3, kY = 240.2;
 constexpr std::array<double, 3> kAlongPx = {0, 32.5, 97.5};
 
+WandCandidate Whole() {
+  WandCandidate candidate;
+  candidate.blobs = {0, 1, 2};
+  return candidate;
+}
+
 // Of what an image shows of a wand that is `scale` times as large.
 std::optional<VerifiedWand> Verified(const std::vector<uint8_t>& pixels,
                                      const std::array<double, 3>& radii_px, double scale,
-                                     bool in_room) {
+                                     bool in_room, const WandCandidate& candidate = Whole(),
+                                     const Eigen::Vector2d& off_px = Eigen::Vector2d::Zero()) {
   const ImageView image{pixels.data(), kViewWidth, kViewHeight, 3 * kViewWidth, PixelFormat::kBgr8};
   std::vector<Blob> blobs;
   for (size_t k = 0; k < radii_px.size(); ++k) {
@@ -32,9 +39,8 @@ std::optional<VerifiedWand> Verified(const std::vector<uint8_t>& pixels,
     blob.second_moment_px2 = 0.25 * radii_px[k] * radii_px[k] * Eigen::Matrix2d::Identity();
     blob.area_px = static_cast<int>(3.14 * radii_px[k] * radii_px[k]);
   }
+  if (candidate.partial >= 0) blobs[static_cast<size_t>(candidate.partial)].centre_px += off_px;
   const WandFinder finder({}, PaperWand(), ViewCamera());
-  WandCandidate candidate;
-  candidate.blobs = {0, 1, 2};
   WandVerifier verifier(0.02);
   verifier.StartImage();
   verifier.RequireContrast(14);
@@ -174,6 +180,60 @@ TEST(WandVerifier, OutlinesOfTheOthersAreEvidenceForAHiddenMarker) {
   EXPECT_GT(wand->confidence, 0.9);
   const auto squares = HalfHidden(false);
   EXPECT_TRUE(!squares || squares->confidence < 0.3) << squares->confidence;
+}
+
+constexpr double kRimRadius = 8, kRimScale = 1.6;
+
+// Two spheres in a lit room and a rim of the one between them.
+std::vector<uint8_t> TwoAndARim() {
+  constexpr std::array<double, 3> kLight = {20, 60, 150};
+  constexpr double kWall = 30, kEdgePx = 0.6;
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 1.5);
+  std::vector<uint8_t> pixels;
+  for (int y = 0; y < kViewHeight; ++y) {
+    for (int x = 0; x < kViewWidth; ++x) {
+      double share = 0;
+      for (size_t k = 0; k < kAlongPx.size(); ++k) {
+        const double dx = x - kFirstX - kRimScale * kAlongPx[k], dy = y - kY;
+        const double seen =
+            k == 1 ? 0.5 * std::erfc((dy + 0.85 * kRimRadius) / (kEdgePx * std::sqrt(2.0))) : 1;
+        const double outside_px = std::hypot(dx, dy) - kRimRadius;
+        share += seen * 0.5 * std::erfc(outside_px / (kEdgePx * std::sqrt(2.0)));
+      }
+      for (const double light : kLight) {
+        const double grey = share * light + kWall + noise(random);
+        pixels.push_back(static_cast<uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0))));
+      }
+    }
+  }
+  return pixels;
+}
+
+// The rim's sphere is said to be `off_px` beside the line of the others.
+std::optional<VerifiedWand> WithARim(const std::vector<uint8_t>& pixels, double off_px,
+                                     bool has_stick) {
+  WandCandidate candidate = Whole();
+  candidate.partial = 1;
+  candidate.partial_share = 0.04;
+  candidate.is_sliver = true;
+  candidate.has_stick = has_stick;
+  return Verified(pixels, {kRimRadius, kRimRadius, kRimRadius}, kRimScale, true, candidate,
+                  {0, -off_px});
+}
+
+// The place of a rim is vague.
+TEST(WandVerifier, ARimBesideAStickMayFitThePoseWorse) {
+  const std::vector<uint8_t> pixels = TwoAndARim();
+  int between = 0;
+  for (double off_px = 0; off_px < 8; off_px += 0.25) {
+    const auto wand = WithARim(pixels, off_px, true), without = WithARim(pixels, off_px, false);
+    if (!wand) continue;
+    EXPECT_LT(wand->fit.cost, 3) << off_px;
+    between += wand->fit.cost > 2 ? 1 : 0;
+    EXPECT_EQ(without.has_value(), wand->fit.cost < 2) << off_px << ' ' << wand->fit.cost;
+  }
+  EXPECT_GT(between, 0);
 }
 
 }  // namespace

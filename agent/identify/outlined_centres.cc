@@ -41,8 +41,9 @@ constexpr double kClearGap = 150;
 // Of what an arc moves the centre, and of what one that is not taken would.
 constexpr double kMovedError = 0.15, kDoubtError = 0.4;
 constexpr double kArcError = 0.1, kAloneError = 0.2;  // radii
-constexpr double kMostSigma = 0.33;  // radii; less is known of one that is as good as hidden
-constexpr int kNotch = 2;            // sectors that the stick takes
+// Radii, and pixels: less is known of one that is as good as hidden.
+constexpr double kMostSigma = 0.33, kMostSigmaPx = 2;
+constexpr int kNotch = 2;                              // sectors that the stick takes
 constexpr double kOddPx = 0.04, kOddError = 1;         // of the place, per error of the radius
 constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
 // Of the slopes' variance by noise, over the root of their number.
@@ -245,7 +246,7 @@ class OutlinedCentres {
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
     const double sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace());
-    if (sigma_px > kMostSigma * outline.radius_px) wand_.whole[k] = false;
+    if (sigma_px > std::min(kMostSigma * outline.radius_px, kMostSigmaPx)) wand_.whole[k] = false;
   }
 
   // With what the others say and with sectors that count as much as their edges are on the outline.

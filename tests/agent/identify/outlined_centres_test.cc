@@ -186,12 +186,13 @@ TEST(SetOutlinedCentres, WhatTheBackgroundBesideItMovedWidensItsCovariance) {
   }
 }
 
+// By more than two pixels, or a third of a small sphere's radius.
 TEST(SetOutlinedCentres, ASphereWhosePlaceIsHardlyKnownIsNotDelivered) {
-  for (const double moved_radii : {0.4, 0.55}) {
+  for (const double moved_px : {2.8, 3.6}) {
     ThreeSpheres wand(-100);
-    wand.moved_px_[1] = {moved_radii * kRadius, 0};
+    wand.moved_px_[1] = {moved_px, 0};
     wand.SetCentres();
-    EXPECT_EQ(wand.wand_.whole[1], moved_radii < 0.5) << moved_radii;
+    EXPECT_EQ(wand.wand_.whole[1], moved_px < 3) << moved_px;
     EXPECT_TRUE(wand.wand_.whole[0] && wand.wand_.whole[2]);
   }
 }

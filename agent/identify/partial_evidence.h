@@ -19,9 +19,8 @@ double PartialEvidence(const WandCandidate& candidate, const VerifiedWand& wand,
 // rim without a stick may be that of something else, where pose and sizes do not fit well.
 bool SaysWhichMarkers(const WandCandidate& candidate, const VerifiedWand& wand);
 
-// The cost of the same two spheres the other way round, as a rival of `wand`: where a good deal of
-// the third is seen it is hardly there by chance, and what is hardly a rim on the other side may
-// be.
+// The cost of the same two spheres the other way round, as a rival of `wand`: a good deal of a
+// third sphere is hardly there by chance, but a mere rim on the other side may be.
 double FlippedCost(const VerifiedWand& wand, const VerifiedWand& flipped);
 
 // How well the outline of a sphere fits; none can be fitted: badly.

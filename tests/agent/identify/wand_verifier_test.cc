@@ -142,12 +142,14 @@ TEST(WandVerifier, SpheresBeforeAPaleWallAreWholeByTheirColour) {
   }
 }
 
-// A wand in a lit room; what is in front of its first sphere hides half of it. The other two are
-// spheres, or squares of the same area.
-std::optional<VerifiedWand> HalfHidden(bool are_spheres) {
+constexpr double kLargeRadius = 8, kLargeScale = 1.6, kEdgePx = 0.6;
+
+// A wand in a lit room. `seen` of a sphere and an offset from its middle: how much of it is seen
+// there, 0 to 1.
+template <typename Seen>
+std::vector<uint8_t> LargeWand(const Seen& seen) {
   constexpr std::array<double, 3> kLight = {20, 60, 150};
-  constexpr double kWall = 30, kRadius = 8, kScale = 1.6, kEdgePx = 0.6;
-  const double half_side_px = 0.5 * std::sqrt(3.14159) * kRadius;
+  constexpr double kWall = 30;
   std::mt19937 random(5);
   std::normal_distribution<double> noise(0, 1.5);
   std::vector<uint8_t> pixels;
@@ -155,12 +157,7 @@ std::optional<VerifiedWand> HalfHidden(bool are_spheres) {
     for (int x = 0; x < kViewWidth; ++x) {
       double share = 0;
       for (size_t k = 0; k < kAlongPx.size(); ++k) {
-        const double dx = x - kFirstX - kScale * kAlongPx[k], dy = y - kY;
-        const double outside_px = k == 0 || are_spheres
-                                      ? std::hypot(dx, dy) - kRadius
-                                      : std::max(std::abs(dx), std::abs(dy)) - half_side_px;
-        const double seen = k == 0 ? 0.5 * std::erfc(dy / (kEdgePx * std::sqrt(2.0))) : 1;
-        share += seen * 0.5 * std::erfc(outside_px / (kEdgePx * std::sqrt(2.0)));
+        share += seen(k, x - kFirstX - kLargeScale * kAlongPx[k], y - kY);
       }
       for (const double light : kLight) {
         const double grey = share * light + kWall + noise(random);
@@ -168,7 +165,23 @@ std::optional<VerifiedWand> HalfHidden(bool are_spheres) {
       }
     }
   }
-  return Verified(pixels, {0.7 * kRadius, kRadius, kRadius}, kScale, true);
+  return pixels;
+}
+
+double Inside(double outside_px) {
+  return 0.5 * std::erfc(outside_px / (kEdgePx * std::sqrt(2.0)));
+}
+
+// What is in front of its first sphere hides half of it. The other two are spheres, or squares of
+// the same area.
+std::optional<VerifiedWand> HalfHidden(bool are_spheres) {
+  const double half_side_px = 0.5 * std::sqrt(3.14159) * kLargeRadius;
+  const auto pixels = LargeWand([&](size_t k, double dx, double dy) {
+    if (k == 0) return Inside(dy) * Inside(std::hypot(dx, dy) - kLargeRadius);
+    return Inside(are_spheres ? std::hypot(dx, dy) - kLargeRadius
+                              : std::max(std::abs(dx), std::abs(dy)) - half_side_px);
+  });
+  return Verified(pixels, {0.7 * kLargeRadius, kLargeRadius, kLargeRadius}, kLargeScale, true);
 }
 
 // What is seen of the third says little; that the other two are spheres says much.
@@ -182,35 +195,8 @@ TEST(WandVerifier, OutlinesOfTheOthersAreEvidenceForAHiddenMarker) {
   EXPECT_TRUE(!squares || squares->confidence < 0.3) << squares->confidence;
 }
 
-constexpr double kRimRadius = 8, kRimScale = 1.6;
-
-// Two spheres in a lit room and a rim of the one between them.
-std::vector<uint8_t> TwoAndARim() {
-  constexpr std::array<double, 3> kLight = {20, 60, 150};
-  constexpr double kWall = 30, kEdgePx = 0.6;
-  std::mt19937 random(5);
-  std::normal_distribution<double> noise(0, 1.5);
-  std::vector<uint8_t> pixels;
-  for (int y = 0; y < kViewHeight; ++y) {
-    for (int x = 0; x < kViewWidth; ++x) {
-      double share = 0;
-      for (size_t k = 0; k < kAlongPx.size(); ++k) {
-        const double dx = x - kFirstX - kRimScale * kAlongPx[k], dy = y - kY;
-        const double seen =
-            k == 1 ? 0.5 * std::erfc((dy + 0.85 * kRimRadius) / (kEdgePx * std::sqrt(2.0))) : 1;
-        const double outside_px = std::hypot(dx, dy) - kRimRadius;
-        share += seen * 0.5 * std::erfc(outside_px / (kEdgePx * std::sqrt(2.0)));
-      }
-      for (const double light : kLight) {
-        const double grey = share * light + kWall + noise(random);
-        pixels.push_back(static_cast<uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0))));
-      }
-    }
-  }
-  return pixels;
-}
-
-// The rim's sphere is said to be `off_px` beside the line of the others.
+// Of the middle sphere a rim is seen, and its middle is said to be `off_px` beside the line of the
+// others.
 std::optional<VerifiedWand> WithARim(const std::vector<uint8_t>& pixels, double off_px,
                                      bool has_stick) {
   WandCandidate candidate = Whole();
@@ -218,13 +204,17 @@ std::optional<VerifiedWand> WithARim(const std::vector<uint8_t>& pixels, double 
   candidate.partial_share = 0.04;
   candidate.is_sliver = true;
   candidate.has_stick = has_stick;
-  return Verified(pixels, {kRimRadius, kRimRadius, kRimRadius}, kRimScale, true, candidate,
+  return Verified(pixels, {kLargeRadius, kLargeRadius, kLargeRadius}, kLargeScale, true, candidate,
                   {0, -off_px});
 }
 
 // The place of a rim is vague.
 TEST(WandVerifier, ARimBesideAStickMayFitThePoseWorse) {
-  const std::vector<uint8_t> pixels = TwoAndARim();
+  // Of the middle one.
+  const auto pixels = LargeWand([](size_t k, double dx, double dy) {
+    const double seen = k == 1 ? Inside(dy + 0.85 * kLargeRadius) : 1;
+    return seen * Inside(std::hypot(dx, dy) - kLargeRadius);
+  });
   int between = 0;
   for (double off_px = 0; off_px < 8; off_px += 0.25) {
     const auto wand = WithARim(pixels, off_px, true), without = WithARim(pixels, off_px, false);

@@ -62,7 +62,7 @@ class EventObservationSource : public ObservationSource {
   size_t next_ = 0;  // of found_
   bool ended_ = true;
   uint64_t without_blob_ = 0;  // detections in a row, from the first one on
-  bool has_blob_ = false, warned_of_two_ = false;
+  bool has_blob_ = false, warned_of_two_ = false, warned_of_one_switch_ = false;
 };
 
 }  // namespace rigcal::agent

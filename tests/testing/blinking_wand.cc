@@ -62,7 +62,8 @@ std::vector<uint8_t> BlinkingWand::RawFile() const {
           }
           const size_t pixel = static_cast<size_t>(y) * geometry.width + static_cast<size_t>(x);
           const bool now = lit && (Eigen::Vector2d(x, y) - centre).norm() < RadiusPx();
-          if (now != bright[pixel]) add(t + static_cast<double>(random() % 50) * 1e-6, x, y, now);
+          const bool answers = now != bright[pixel] && !(falls_only && now);
+          if (answers) add(t + static_cast<double>(random() % 50) * 1e-6, x, y, now);
           bright[pixel] = now;
         }
       }

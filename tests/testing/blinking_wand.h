@@ -23,6 +23,7 @@ struct BlinkingWand {
   double noise_per_s = 100'000;  // events
   double first_s = 0;            // the sensor's clock at the beginning
   bool visible = true;
+  bool falls_only = false;  // pixels are in reset when the light rises
   std::vector<agent::TriggerEvent> triggers;  // by time
 
   Intrinsics CameraIntrinsics() const;

@@ -85,8 +85,16 @@ BlinkFilter::BlinkFilter(const BlinkFilterOptions& options, const BlinkKernel& k
   tiles_.assign(static_cast<size_t>(rules_.tile_columns) * tile_rows_, 0);
 }
 
+void BlinkFilter::LookFor(PixelAnswers answers) {
+  constexpr uint32_t kPolarity = 1u << 31;
+  rules_.flip = answers == PixelAnswers::kFall ? kPolarity : 0;
+  rules_.needs_off = answers == PixelAnswers::kBoth ? kPolarity : 0;
+}
+
 void BlinkFilter::TimeStepBack(int64_t time_us) {
-  std::fill(states_.begin(), states_.end(), 0);
+  // As long ago as pixels that Sweep has forgotten.
+  const uint32_t now = static_cast<uint32_t>(time_us) >> shift_;
+  std::fill(states_.begin(), states_.end(), (now - BlinkRules::kForgetUnits) << 16);
   std::fill(tiles_.begin(), tiles_.end(), 0);
   // There is nothing to forget.
   swept_us_ = static_cast<uint32_t>(time_us);

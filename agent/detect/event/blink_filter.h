@@ -7,6 +7,7 @@
 #include "absl/status/statusor.h"
 #include "agent/detect/event/blink_seeds.h"
 #include "agent/detect/event/burst_measurer.h"
+#include "agent/detect/event/pixel_answers.h"
 
 namespace rigcal::agent {
 
@@ -69,6 +70,9 @@ class BlinkFilter {
   void Trigger(const TriggerEvent&) {}
   // Forgets everything: the clock begins anew.
   void TimeStepBack(int64_t time_us);
+  // From now on looks for pixels that answer these switches and no others; where it is one, "lit
+  // up" below means that they answered it. TimeStepBack must follow.
+  void LookFor(PixelAnswers answers);
 
   // To be called at least every 10 periods: forgets pixels without events, a part of the sensor in
   // each call.

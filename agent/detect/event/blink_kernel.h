@@ -29,6 +29,9 @@ struct BlinkRules {
   uint32_t low_gap = 0;       // shortest period that is the wand's
   uint32_t band_gap = 0;      // from that to the longest
   uint32_t min_periods = 0;   // before a pixel blinks
+  uint32_t flip = 0;          // bit 31: an OFF event counts as an ON event, and the other way round
+  // Bit 31: a period counts only if an OFF event came within it; without, only if none did.
+  uint32_t needs_off = 1u << 31;
 };
 
 // Compiled for several instruction sets, all with the same result.

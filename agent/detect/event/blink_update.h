@@ -23,11 +23,12 @@ RIGCAL_INLINE Lanes NewStates(const BlinkRules& rules, const Events& events, Lan
   const Lanes now = events.time_us >> rules.shift;
   const Lanes gap = (now - (old >> 16)) & 0xffff;
   static_assert(BlinkRules::kOnBit == 1 << 3);
-  const Mask was_on = HighestBit(old << 28), on = HighestBit(events.place);
+  const Mask was_on = HighestBit(old << 28), on = HighestBit(events.place ^ rules.flip);
   const Lanes min_gap = Where(was_on, Spread(rules.again_gap)) + rules.min_gap;
   const Mask crosses = on & AtLeast(gap, min_gap);
   const Mask in_band = AtLeast(gap, Spread(rules.low_gap)) &
-                       ~AtLeast(gap, Spread(rules.low_gap + rules.band_gap + 1)) & ~was_on;
+                       ~AtLeast(gap, Spread(rules.low_gap + rules.band_gap + 1)) &
+                       HighestBit(old << 28 ^ rules.needs_off);
   const Lanes count = (old & BlinkRules::kPeriodsMask) + 1;
   static_assert(BlinkRules::kPeriodsMask == 7);
   const Lanes periods = Where(in_band, count - (count >> 3));

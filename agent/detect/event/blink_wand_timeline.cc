@@ -40,6 +40,7 @@ BlinkWandTimeline::BlinkWandTimeline(BlinkFilter filter, BlinkWandVerifier verif
       silence_us_(std::min(OutputSchedule::kMaxGapUs, kSilencePeriods * sweep_us_ / kSweepPeriods)),
       schedule_(output, std::llround(kWaitPeriods * period_us_)),
       detections_(period_us_, std::move(marker_period_us), &counts_),
+      answers_(period_us_),
       recorder_(filter_.geometry()),
       flashes_(filter_.geometry(), filter_.min_blob_pixels()),
       records_every_burst_(AsksForEveryBurst(output, period_us_)) {}
@@ -96,6 +97,8 @@ void BlinkWandTimeline::Forget(int64_t time_us) {
   lights_.Clear();
   verifier_.ForgetTrack();
   recorder_.Clear();
+  answers_.Restart();
+  trial_.reset();
   learn_until_us_ = learn_from_us_ = time_us;
   is_learning_ = false;
   if (is_clear_) return;
@@ -131,7 +134,9 @@ void BlinkWandTimeline::Run(int64_t time_us) {
       flashes_.Measure(recorder_, static_cast<uint32_t>(due_us), &lights_, &blobs_);
       PlanRecording(due_us);
     } else if (due_us == next_sweep_us_) {
-      if (!must_forget_ && !is_clear_) filter_.Sweep(static_cast<uint32_t>(next_sweep_us_));
+      const auto sweep_us = static_cast<uint32_t>(next_sweep_us_);
+      if (!must_forget_ && !is_clear_) filter_.Sweep(sweep_us);
+      if (trial_) trial_->filter.Sweep(sweep_us);
       next_sweep_us_ += sweep_us_;
       if (records_every_burst_) PlanRecording(due_us);
     } else {
@@ -154,17 +159,56 @@ void BlinkWandTimeline::Detect(const OutputTime& asked) {
   blobs_.clear();
   const auto due = static_cast<uint32_t>(asked.due_us);
   if (!must_forget_) blobs_ = filter_.FindBlobs(due);
-  if (asked.due_us >= learn_until_us_) flashes_.Measure(recorder_, due, &lights_, &blobs_);
+  const bool is_both = answers_.used() == PixelAnswers::kBoth;
+  if (!is_both) {
+    flashes_.MeasureOneSwitch(recorder_, answers_.used(), due, &lights_, &blobs_);
+  } else if (asked.due_us >= learn_until_us_) {
+    flashes_.Measure(recorder_, due, &lights_, &blobs_);
+  }
   lights_.Forget(due);
   BlinkWand wand = verifier_.Verify(blobs_);
-  if (wand.outcome == DetectionOutcome::kWand && !wand.is_timed && asked.due_us >= learn_from_us_) {
-    learn_until_us_ = asked.due_us + static_cast<int64_t>(kLearnPeriods * period_us_);
-    learn_from_us_ = asked.due_us + static_cast<int64_t>(kRetryPeriods * period_us_);
-    recorder_.PlanAll(asked.due_us, learn_until_us_);
-    is_learning_ = true;
-  }
+  const bool is_wand = wand.outcome == DetectionOutcome::kWand;
+  if (is_both && is_wand && !wand.is_timed && asked.due_us >= learn_from_us_) Learn(asked.due_us);
+  counts_.by_rise += is_wand && answers_.used() == PixelAnswers::kRise ? 1 : 0;
+  counts_.by_fall += is_wand && answers_.used() == PixelAnswers::kFall ? 1 : 0;
   detections_.Take(asked, std::move(wand), found_);
+  ChooseAnswers(asked.due_us, is_wand);
   PlanRecording(asked.due_us);
+}
+
+void BlinkWandTimeline::Learn(int64_t now_us) {
+  learn_until_us_ = now_us + static_cast<int64_t>(kLearnPeriods * period_us_);
+  learn_from_us_ = now_us + static_cast<int64_t>(kRetryPeriods * period_us_);
+  recorder_.PlanAll(now_us, learn_until_us_);
+  is_learning_ = true;
+}
+
+void BlinkWandTimeline::ChooseAnswers(int64_t now_us, bool is_wand) {
+  bool is_wand_of_trial = false;
+  if (trial_) {
+    const auto& blobs = trial_->filter.FindBlobs(static_cast<uint32_t>(now_us));
+    is_wand_of_trial = trial_->verifier.Verify(blobs).outcome == DetectionOutcome::kWand;
+  }
+  switch (answers_.Take(now_us, is_wand, is_wand_of_trial)) {
+    case AnswersChoice::Step::kStay:
+      return;
+    case AnswersChoice::Step::kBegin:
+      trial_.emplace(filter_, verifier_);
+      trial_->filter.LookFor(*answers_.tried());
+      trial_->filter.TimeStepBack(now_us);
+      trial_->verifier.ForgetTrack();
+      return;
+    case AnswersChoice::Step::kEnd:
+      trial_.reset();
+      return;
+    case AnswersChoice::Step::kSwitch:
+      filter_ = std::move(trial_->filter);
+      trial_.reset();
+      lights_.Clear();
+      recorder_.Clear();
+      is_learning_ = false;
+      learn_until_us_ = learn_from_us_ = now_us;
+  }
 }
 
 void BlinkWandTimeline::PlanRecording(int64_t now_us) {

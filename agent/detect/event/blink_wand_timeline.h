@@ -2,9 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "agent/detect/event/answers_choice.h"
 #include "agent/detect/event/blink_detections.h"
 #include "agent/detect/event/blink_filter.h"
 #include "agent/detect/event/flash_measurer.h"
@@ -14,7 +16,8 @@ namespace rigcal::agent {
 // Drives BlinkWandDetector by the sensor's clock: detects the wand when OutputSchedule says so,
 // sweeps the filter, and clears it when the clock jumps. Of a wand whose light is not known yet
 // (BlinkLights) everything is recorded for two periods; until then its centres are those of the
-// pixels that lit up. One thread at a time.
+// pixels that lit up. Where pixels answer one switch of the light only (AnswersChoice), nothing has
+// to be recorded first. One thread at a time.
 class BlinkWandTimeline {
  public:
   // `marker_period_us`: by marker.
@@ -47,6 +50,7 @@ class BlinkWandTimeline {
     if (events.empty()) return;
     is_clear_ = false;
     filter_.Events(events);
+    if (trial_) trial_->filter.Events(events);
     recorder_.Take(events);
   }
 
@@ -64,7 +68,16 @@ class BlinkWandTimeline {
   }
   void DetectNext();
   void Detect(const OutputTime& asked);
+  void Learn(int64_t now_us);
+  // After each detection, whether it found the wand.
+  void ChooseAnswers(int64_t now_us, bool is_wand);
   void PlanRecording(int64_t now_us);
+
+  // Of other switches than those that are used, beside them.
+  struct Trial {
+    BlinkFilter filter;
+    BlinkWandVerifier verifier;
+  };
 
   BlinkFilter filter_;
   BlinkWandVerifier verifier_;
@@ -74,6 +87,8 @@ class BlinkWandTimeline {
   OutputSchedule schedule_;
   BlinkWandCounts counts_;
   BlinkDetections detections_;
+  AnswersChoice answers_;
+  std::optional<Trial> trial_;
   BlinkLights lights_;
   FlashRecorder recorder_;
   FlashMeasurer flashes_;

@@ -9,6 +9,7 @@
 #include "agent/detect/event/blink_lights.h"
 #include "agent/detect/event/burst_measurer.h"
 #include "agent/detect/event/flash_recorder.h"
+#include "agent/detect/event/pixel_answers.h"
 
 namespace rigcal::agent {
 
@@ -35,6 +36,11 @@ class FlashMeasurer {
   // was recorded for two periods; times of those that are there are renewed.
   void Measure(const FlashRecorder& recorder, double due_us, BlinkLights* lights,
                std::vector<BlinkBlob>* blobs);
+  // The same where pixels answer one of the two switches. What displaces their area has no
+  // counterpart then that it could be weighed against: the centre is that area's and the time that
+  // of the switch plus or minus what is usual. Blobs are not timed (BlinkBlob::is_timed).
+  void MeasureOneSwitch(const FlashRecorder& recorder, PixelAnswers answers, double due_us,
+                        BlinkLights* lights, std::vector<BlinkBlob>* blobs);
 
  private:
   struct Answer {

@@ -117,7 +117,7 @@ std::vector<LatencySensor> LatencySensors() {
           {"slow pixels, 200 Hz wand", slow, 200, 200},
           {"uneven thresholds", uneven, 500, 200},
           {"refractory 300 us", still, 500, 200},
-          {"refractory 500 us", plain, 500, 200},
+          {"refractory 500 us", plain, 500, 200, 0.3},  // what its pixels answer is found out
           {"refractory 300 us, 200 Hz wand", still, 200, 200},
           {"refractory 500 us, 200 Hz wand", plain, 200, 200}};
 }
@@ -132,7 +132,7 @@ LatencyPoint RunLatency(const LatencySensor& sensor, const LatencyLight& light, 
   options.scene.blink_duty = light.duty;
   options.scene.lux = LuxFor(options.scene, light.contrast);
   options.output_hz = sensor.output_hz;
-  options.warm_up_s = 0.05;
+  options.warm_up_s = sensor.warm_up_s;
   options.outputs = static_cast<int>(0.15 * sensor.output_hz);
   options.streams = streams;
   options.seed = seed;

@@ -15,6 +15,7 @@ struct LatencySensor {
   EventRenderOptions sensor;
   double blink_hz = 500;
   double output_hz = 200;
+  double warm_up_s = 0.05;  // before the first output that counts
 };
 
 // A light of the wand: how much of each period it shines, and how often as much light the lit

@@ -203,6 +203,22 @@ TEST_F(EventObservationSourceTest, SaysThatNothingBlinksAsTheTargetSays) {
   }
 }
 
+TEST_F(EventObservationSourceTest, SaysThatPixelsAnswerOneSwitchOfTheLight) {
+  BlinkingWand wand;
+  wand.duration_s = 1;
+  for (const bool falls_only : {false, true}) {
+    wand.falls_only = falls_only;
+    const WarningText log;
+    int wands = 0;
+    for (const Observation& observation : Observe(wand.RawFile(), ";rate=200")) {
+      wands += observation.VisibleCount() > 0 ? 1 : 0;
+    }
+    EXPECT_GT(wands, 100);
+    const std::string expected = "pixels answer only the fall of the wand's light: it is off for";
+    EXPECT_EQ(log.text().find(expected) != std::string::npos, falls_only) << log.text();
+  }
+}
+
 TEST_F(EventObservationSourceTest, LongTimesOfTheSensorDoNotMatter) {
   BlinkingWand wand;
   wand.duration_s = 0.2;

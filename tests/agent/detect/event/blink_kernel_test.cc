@@ -18,7 +18,7 @@ void UpdateOne(const BlinkRules& rules, const PackedEvent& event, std::vector<ui
   const uint32_t now = event.time_us >> rules.shift;
   const uint32_t gap = (now - (state >> 16)) & 0xffff;
   const bool was_on = (state & BlinkRules::kOnBit) != 0;
-  if (!event.on()) {
+  if (event.on() == (rules.flip != 0)) {
     state &= ~BlinkRules::kOnBit;
     return;
   }
@@ -27,7 +27,8 @@ void UpdateOne(const BlinkRules& rules, const PackedEvent& event, std::vector<ui
     return;
   }
   uint32_t periods = 0;
-  if (!was_on && gap >= rules.low_gap && gap <= rules.low_gap + rules.band_gap) {
+  if (was_on == (rules.needs_off == 0) && gap >= rules.low_gap &&
+      gap <= rules.low_gap + rules.band_gap) {
     periods = std::min(state % 8 + 1, 7u);
   }
   state = now << 16 | std::min(gap, BlinkRules::kMaxGap) << 4 | BlinkRules::kOnBit | periods;
@@ -39,7 +40,9 @@ struct Sensor {
   uint32_t width, height;
 };
 
+// `shift` decides on what else there is, too.
 BlinkRules MakeRules(uint32_t width, int shift, uint32_t min_periods) {
+  constexpr uint32_t kPolarity = 1u << 31;
   return {.shift = shift,
           .stride = width,
           .tile_columns = (width + 15) / 16,
@@ -47,7 +50,9 @@ BlinkRules MakeRules(uint32_t width, int shift, uint32_t min_periods) {
           .again_gap = 250,
           .low_gap = 850,
           .band_gap = 300,
-          .min_periods = min_periods};
+          .min_periods = min_periods,
+          .flip = shift % 2 == 0 ? 0 : kPolarity,
+          .needs_off = shift == 1 ? 0 : kPolarity};
 }
 
 TEST(BlinkKernel, ThePortableOneIsAlwaysThere) {

@@ -21,8 +21,6 @@ using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-constexpr int64_t kDurationUs = 120'000;
-
 CameraDescription Camera() {
   CameraDescription camera;
   camera.camera = "left";
@@ -48,11 +46,14 @@ struct Setting {
   double noise_hz = 2;
   uint32_t seed = 1;
   double rate_hz = 200;
+  double duty = 0.5;
+  int64_t duration_us = 120'000, from_us = 15'000;  // pixels need the first periods to be known
 };
 
 struct Observed {
   std::vector<Detection> detections;
   std::vector<double> errors_px;  // of all visible markers of wands
+  BlinkWandCounts counts;
   int wands = 0, ambiguous = 0, without_wand = 0;
   double least_label_confidence = 1;
 };
@@ -62,6 +63,7 @@ Observed Watch(const Setting& setting) {
   const Target shown = *ParseTarget(setting.shown);
   FrameRenderOptions scene;
   scene.blink_drift_ppm = setting.drift_ppm;
+  scene.blink_duty = setting.duty;
   scene.seed = setting.seed;
   EventRenderOptions sensor;
   sensor.seed = setting.seed;
@@ -71,7 +73,7 @@ Observed Watch(const Setting& setting) {
       *EventRenderer::Create(*camera.intrinsics, camera.image_size_px, shown, scene, sensor);
   std::vector<SimulatedEvent> events;
   std::vector<SimulatedTrigger> triggers;
-  EXPECT_TRUE(renderer.Render(kDurationUs, WandAt, &events, &triggers).ok());
+  EXPECT_TRUE(renderer.Render(setting.duration_us, WandAt, &events, &triggers).ok());
   std::vector<CdEvent> cd_events;
   for (const SimulatedEvent& event : events) {
     cd_events.push_back({event.time_us, event.x, event.y, event.on});
@@ -86,10 +88,10 @@ Observed Watch(const Setting& setting) {
   Observed observed;
   detector.Take(bytes, &observed.detections);
   detector.Finish(&observed.detections);
-  // Pixels need the first periods to count as blinking.
-  std::erase_if(observed.detections, [](const Detection& detection) {
-    return detection.observation.time_ns < 15'000'000;
+  std::erase_if(observed.detections, [&setting](const Detection& detection) {
+    return detection.observation.time_ns < 1000 * setting.from_us;
   });
+  observed.counts = detector.counts();
   for (const Detection& detection : observed.detections) {
     observed.ambiguous += detection.outcome == DetectionOutcome::kAmbiguous ? 1 : 0;
     observed.without_wand += detection.outcome == DetectionOutcome::kNoWand ? 1 : 0;
@@ -107,6 +109,32 @@ Observed Watch(const Setting& setting) {
     }
   }
   return observed;
+}
+
+// The light is off for 400 us and on for 1600, or the other way round; pixels are in reset for 500.
+TEST(BlinkWandSensors, AWandIsFoundByTheOneSwitchThatPixelsAnswer) {
+  for (const double duty : {0.2, 0.8}) {
+    Setting setting;
+    setting.shown = "wand:0,0.13,0.39;diameter=0.04;hz=500";
+    setting.duty = duty;
+    setting.from_us = 400'000;
+    setting.duration_us = 500'000;
+    const Observed observed = Watch(setting);
+    EXPECT_GE(observed.wands, 19) << duty;  // of 20
+    EXPECT_EQ(observed.ambiguous, 0);
+    for (const double error_px : observed.errors_px) EXPECT_LT(error_px, 0.6) << duty;
+    if (duty == 0.8) {
+      EXPECT_GE(observed.counts.by_fall, 20);
+    }
+  }
+}
+
+TEST(BlinkWandSensors, NoSwitchIsLeftOutWherePixelsAnswerBoth) {
+  Setting setting;
+  setting.duration_us = 500'000;
+  const Observed observed = Watch(setting);
+  EXPECT_GE(observed.wands, 95);  // of 97
+  EXPECT_EQ(observed.counts.by_rise + observed.counts.by_fall, 0);
 }
 
 TEST(BlinkWandSensors, FrequenciesTellTheMarkersOfAnEvenWand) {

@@ -86,23 +86,23 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
   };
   const float brightness = core.norm();
   const Eigen::Vector3f colour = core / brightness;
-  const float least_squared = kDarkest * kDarkest * brightness * brightness;
-  const float most_squared = kBrightest * kBrightest * brightness * brightness;
+  const auto least_squared = static_cast<int>(kDarkest * kDarkest * brightness * brightness);
+  const auto most_squared =
+      static_cast<int>(std::ceil(kBrightest * kBrightest * brightness * brightness));
   constexpr float kCosine = 1 - 0.5f * kColour * kColour;
   int brighter = 0, read = 0;
   bool as_bright = false;  // the last pixel, whatever its colour
   const auto is_alike = [&](int x, int y) {
     ++read;
-    const Eigen::Vector3f grey = GreyAt(image, x, y);
-    const float squared = grey.squaredNorm();
+    const int squared = SquaredGreyAt(image, x, y);
     as_bright = squared > least_squared;
     if (!as_bright) return false;
     if (squared >= most_squared) {
       ++brighter;
       return false;
     }
-    const float along = grey.dot(colour);
-    return along > 0 && along * along > kCosine * kCosine * squared;
+    const float along = GreyAt(image, x, y).dot(colour);
+    return along > 0 && along * along > kCosine * kCosine * static_cast<float>(squared);
   };
   const auto neighbours_alike = [&](int x, int y) {
     if (x == 0 || y == 0 || x + 1 == image.width || y + 1 == image.height) return 0;
@@ -115,11 +115,14 @@ std::optional<HiddenPart> LookForPart(const ImageView& image, const Eigen::Vecto
   // Mostly nothing is there. Of a pixel and its neighbours some lie on a chequered pattern.
   const auto has_any = [&] {
     if (step > 1) return true;
-    const int right = high(centre_px.x(), radius_px, image.width);
+    const int first = low(centre_px.x(), radius_px);
     const int bottom = high(centre_px.y(), radius_px, image.height);
     for (int y = low(centre_px.y(), radius_px); y <= bottom; ++y) {
-      for (int x = low(centre_px.x(), radius_px) + (y & 1); x <= right; x += 2) {
-        if (is_inside(x, y) && is_alike(x, y)) return true;
+      const double half = std::sqrt(
+          std::max(0.0, radius_px * radius_px - Squared(static_cast<double>(y) - centre_px.y())));
+      const int left = low(centre_px.x(), half), end = high(centre_px.x(), half, image.width);
+      for (int x = left + ((left ^ first ^ y) & 1); x <= end; x += 2) {
+        if (is_alike(x, y)) return true;
       }
     }
     return false;

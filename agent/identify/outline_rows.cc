@@ -134,6 +134,45 @@ RIGCAL_CLONES void SumAll(const float* rows, size_t stride, const float* weight,
   SumRows<kOutlineCount>(rows, stride, weight, residual, groups, weighted);
 }
 
+// So many groups' spreads, of which each is hardly more than 1e5, are multiplied before a
+// logarithm.
+constexpr size_t kSpreadChunk = 16;
+
+// Products and sums by lane.
+struct LaneSums {
+  double product[kGroup];
+  float weights[kGroup], squared_weights[kGroup], squares[kGroup];
+};
+
+RIGCAL_CLONES void WeighGroups(const float* __restrict coverage, const float* __restrict precision,
+                               const float* __restrict value, size_t stride, size_t groups,
+                               float per_width2, float* __restrict residual,
+                               float* __restrict weight, LaneSums* __restrict sums) {
+  LaneSums all;
+  for (size_t k = 0; k < kGroup; ++k) {
+    all.product[k] = 1;
+    all.weights[k] = all.squared_weights[k] = all.squares[k] = 0;
+  }
+  for (size_t g = 0; g < groups; ++g) {
+    for (size_t k = 0; k < kGroup; ++k) {
+      const float its_precision = precision[k];
+      const float off = coverage[k] - value[k];
+      const float sigmas = off * its_precision;
+      const float spread = 1 + sigmas * sigmas * per_width2;
+      const float robust = its_precision > 0 ? 1 / spread : 0;
+      residual[k] = off;
+      weight[k] = robust * its_precision * its_precision;
+      all.product[k] *= static_cast<double>(spread);
+      all.weights[k] += robust;
+      all.squared_weights[k] += robust * robust;
+      all.squares[k] += robust * robust * sigmas * sigmas;
+    }
+    coverage += kGroup, precision += kGroup, residual += kGroup, weight += kGroup;
+    value += stride;
+  }
+  *sums = all;
+}
+
 // One group; of the derivatives all, or only that by the radius.
 template <bool kWhite, bool kAll>
 RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restrict at_y,
@@ -267,43 +306,6 @@ RIGCAL_CLONES void FillWhiteEdge(const OutlinePixels& pixels, const float* param
 
 }  // namespace
 
-void OutlinePixels::Clear() {
-  for (auto* values : {&x, &y, &coverage, &precision, &white, &saturated_behind, &unsure}) {
-    values->clear();
-  }
-  stick_side.clear();
-  clipped = by_colour = false;
-}
-
-void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_precision,
-                        float its_white, bool is_saturated_behind, float how_unsure) {
-  x.push_back(at_x);
-  y.push_back(at_y);
-  coverage.push_back(its_coverage);
-  precision.push_back(its_precision);
-  white.push_back(its_white);
-  saturated_behind.push_back(is_saturated_behind ? 1.0f : 0.0f);
-  unsure.push_back(how_unsure);
-}
-
-void OutlinePixels::FillUp() {
-  while (!x.empty() && x.size() % kGroup != 0) Add(x.back(), y.back(), coverage.back(), 0);
-}
-
-bool OutlinePixels::CountUnsure() {
-  bool is_unsure = false;
-  for (size_t i = 0; i < size(); ++i) {
-    is_unsure |= unsure[i] > 0;
-    precision[i] /= std::sqrt(1 + unsure[i] * precision[i] * unsure[i] * precision[i]);
-    unsure[i] = 0;
-  }
-  return is_unsure;
-}
-
-bool OutlinePixels::IsOutshone() const {
-  return std::ranges::any_of(saturated_behind, [](float one) { return one > 0; });
-}
-
 void OutlineRows::Model(const OutlinePixels& pixels, const float* parameters, bool white_light) {
   rows_.resize(pixels.size() / kGroup * kStride);
   has_all_ = white_light || pixels.IsOutshone();
@@ -323,6 +325,34 @@ void OutlineRows::ModelEdge(const OutlinePixels& pixels, const float* parameters
   } else {
     FillOwnEdge(pixels, parameters, kStride, rows_.data());
   }
+}
+
+OutlineWeights OutlineRows::Weigh(const OutlinePixels& pixels, float width,
+                                  std::vector<float>* residual, std::vector<float>* weight) const {
+  residual->resize(pixels.size());
+  weight->resize(pixels.size());
+  OutlineWeights total;
+  const size_t groups = pixels.size() / kGroup;
+  double product = 1;
+  for (size_t done = 0; done < groups; done += kSpreadChunk) {
+    const size_t first = done * kGroup;
+    LaneSums sums;
+    WeighGroups(&pixels.coverage[first], &pixels.precision[first],
+                &rows_[done * kStride + kOutlineCount * kGroup], kStride,
+                std::min(kSpreadChunk, groups - done), 1 / (width * width), &(*residual)[first],
+                &(*weight)[first], &sums);
+    for (size_t k = 0; k < kGroup; ++k) {
+      total.weights += static_cast<double>(sums.weights[k]);
+      total.squared_weights += static_cast<double>(sums.squared_weights[k]);
+      total.squares += static_cast<double>(sums.squares[k]);
+      product *= sums.product[k];
+      if (product < 1e150) continue;
+      total.log_spreads += std::log(product);
+      product = 1;
+    }
+  }
+  total.log_spreads += std::log(product);
+  return total;
 }
 
 void OutlineRows::Sum(const std::vector<float>& weight, const std::vector<float>& residual,

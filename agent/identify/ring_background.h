@@ -23,6 +23,15 @@ inline Eigen::Vector3f GreyAt(const ImageView& image, int x, int y) {
   return {static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2])};
 }
 
+// Of the same, the sum of squares.
+inline int SquaredGreyAt(const ImageView& image, int x, int y) {
+  const bool is_mono = image.format == PixelFormat::kMono8;
+  const uint8_t* const pixel = image.Row(y) + (is_mono ? x : 3 * x);
+  int sum = int{pixel[0]} * pixel[0];
+  if (!is_mono) sum += int{pixel[1]} * pixel[1] + int{pixel[2]} * pixel[2];
+  return sum;
+}
+
 // A window, of which every `step`-th pixel of every `step`-th row is looked at.
 struct PixelGrid {
   PixelRect rect;

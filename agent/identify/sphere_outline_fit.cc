@@ -107,32 +107,13 @@ Eigen::Matrix2d SphereOutline::SecondMoment() const {
   return 0.25 * (w * w).inverse();
 }
 
-void SphereOutlineFitter::Weigh(const OutlinePixels& pixels, System* sums) {
-  const size_t count = pixels.size();
-  residual_.resize(count);
-  weight_.resize(count);
-  System& system = *sums;
-  const float per_cauchy2 = 1 / (kCauchy * kCauchy * wider_loss_ * wider_loss_);
-  double product = 1;
-  for (size_t i = 0; i < count; ++i) {
-    const float precision = pixels.precision[i];
-    residual_[i] = pixels.coverage[i] - rows_.value(i);
-    const float residual = residual_[i] * precision;
-    const float spread = 1 + residual * residual * per_cauchy2;
-    const float weight = precision > 0 ? 1 / spread : 0;
-    weight_[i] = weight * precision * precision;
-    // The sum of logarithms, a few pixels at a time.
-    product *= static_cast<double>(spread);
-    if (product > 1e200) {
-      system.cost += std::log(product);
-      product = 1;
-    }
-    const auto w = static_cast<double>(weight), r = static_cast<double>(residual);
-    system.squares += w * w * r * r;
-    system.weights += w;
-    system.slopes += w * w;
-  }
-  system.cost = 0.5 / static_cast<double>(per_cauchy2) * (system.cost + std::log(product));
+void SphereOutlineFitter::Weigh(const OutlinePixels& pixels, System* system) {
+  const float width = kCauchy * wider_loss_;
+  const OutlineWeights sums = rows_.Weigh(pixels, width, &residual_, &weight_);
+  system->squares = sums.squares;
+  system->weights = sums.weights;
+  system->slopes = sums.squared_weights;
+  system->cost = 0.5 * static_cast<double>(width * width) * sums.log_spreads;
 }
 
 SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,

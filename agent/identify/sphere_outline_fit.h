@@ -130,7 +130,7 @@ class SphereOutlineFitter {
     double squares = 0, weights = 0, slopes = 0;
   };
   // Residuals and robust weights of the model in rows_, and their sums.
-  void Weigh(const OutlinePixels& pixels, System* sums);
+  void Weigh(const OutlinePixels& pixels, System* system);
   System Linearise(const OutlinePixels& pixels, const Vector& parameters, bool white_light);
   void ReadEdge(const OutlinePixels& pixels, SphereOutline* outline) const;
 

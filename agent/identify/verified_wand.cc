@@ -21,6 +21,16 @@ int VerifiedWand::OccludedCount() const {
   return static_cast<int>(std::count(whole.begin(), whole.end(), false));
 }
 
+double VerifiedWand::LargestSigmaRadii() const {
+  double largest = 0;
+  for (size_t k = 0; k < centres.size(); ++k) {
+    if (!whole[k]) continue;
+    const double sigma_px = std::sqrt(0.5 * centres[k].covariance_px2.trace());
+    largest = std::max(largest, sigma_px / centres[k].radius_px);
+  }
+  return largest;
+}
+
 double Lopsidedness(const MarkerCentre& centre) {
   const double excess = std::max(0.0, centre.skewness - 2 * centre.skewness_sigma);
   return std::min(std::pow(excess / kSkewness, 2), kOccludedCost);

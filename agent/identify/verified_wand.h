@@ -23,6 +23,8 @@ struct VerifiedWand {
   double label_confidence = 1;  // 0.5 to 1: against the same blobs with flipped labels
 
   int OccludedCount() const;
+  // Of the markers that are seen whole the most uncertain centre, one sigma, in radii.
+  double LargestSigmaRadii() const;
 };
 
 // Of the radius of a marker that looks like nothing else.

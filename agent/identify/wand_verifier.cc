@@ -21,6 +21,8 @@ constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
 // Before a saturated background a sphere looks that much smaller; one sigma of it and of its place.
 constexpr double kSmallerPx = 0.8, kSmallerSigmaPx = 1, kSaturatedPlacePx = 0.5;
+// Of a wand with a hidden marker: more is proved by its outlines only, known to so many radii.
+constexpr double kProvedByCost = 9, kProvingSigma = 0.12;
 constexpr double kHalfCost = 11.5, kCostScale = 2.5;  // confidence 0.5
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.15, kFewTried = 20;
@@ -340,6 +342,8 @@ bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
     markers[k] = {&*measured.outline, &measured.pixels, measured.moved_px};
   }
   SetOutlinedCentres(markers, markers_.fitter(), wand);
+  const bool is_proved = wand->cost < kProvedByCost || wand->LargestSigmaRadii() < kProvingSigma;
+  if (wand->has_part && !is_proved) return false;
   const size_t seen = wand->blobs.size() - static_cast<size_t>(wand->OccludedCount());
   return seen >= std::min<size_t>(2, wand->blobs.size());
 }

@@ -122,8 +122,9 @@ void EventObservationSource::WarnOfScene(size_t first_found) {
   const bool is_rise = counts.by_rise > counts.by_fall;
   spdlog::warn(
       "camera {}: pixels answer only the {} of the wand's light: it is {} for a shorter time than "
-      "the sensor's refractory period. Centres of a moving wand may be up to 0.3 px off along the "
-      "motion, and the time offset by more than 1 ms. Set the duty cycle nearer to 50 %, the blink "
+      "the sensor's refractory period. Centres of a moving wand are known to 0.1 px along the "
+      "motion, and the time offset to 0.2 ms. For more set the duty cycle nearer to 50 %, the "
+      "blink "
       "frequency lower, or the refractory period shorter",
       camera, is_rise ? "rise" : "fall", is_rise ? "on" : "off");
 }

@@ -14,6 +14,7 @@ struct BlinkLight {
   double on_us = 0;
   double period_us = 0;
   double lit_us = 0;
+  double before_us = 0;  // before each rise: what pixels fire then is of interest, too
 
   // Pixels answer the light's rise and its fall within this time.
   double AnswerUs() const;

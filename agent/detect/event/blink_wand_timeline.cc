@@ -100,7 +100,7 @@ void BlinkWandTimeline::Forget(int64_t time_us) {
   answers_.Restart();
   trial_.reset();
   learn_until_us_ = learn_from_us_ = time_us;
-  is_learning_ = false;
+  is_learning_ = rise_alone_ = false;
   if (is_clear_) return;
   must_forget_ = forgets_left_ == 0;
   if (must_forget_) return;
@@ -132,6 +132,7 @@ void BlinkWandTimeline::Run(int64_t time_us) {
       blobs_.clear();
       if (!must_forget_) blobs_ = filter_.FindBlobs(static_cast<uint32_t>(due_us));
       flashes_.Measure(recorder_, static_cast<uint32_t>(due_us), &lights_, &blobs_);
+      rise_alone_ = !blobs_.empty() && lights_.all().empty();
       PlanRecording(due_us);
     } else if (due_us == next_sweep_us_) {
       const auto sweep_us = static_cast<uint32_t>(next_sweep_us_);
@@ -160,7 +161,7 @@ void BlinkWandTimeline::Detect(const OutputTime& asked) {
   const auto due = static_cast<uint32_t>(asked.due_us);
   if (!must_forget_) blobs_ = filter_.FindBlobs(due);
   const bool is_both = answers_.used() == PixelAnswers::kBoth;
-  if (!is_both) {
+  if (!is_both || rise_alone_) {
     flashes_.MeasureOneSwitch(recorder_, answers_.used(), due, &lights_, &blobs_);
   } else if (asked.due_us >= learn_until_us_) {
     flashes_.Measure(recorder_, due, &lights_, &blobs_);
@@ -177,6 +178,7 @@ void BlinkWandTimeline::Detect(const OutputTime& asked) {
 }
 
 void BlinkWandTimeline::Learn(int64_t now_us) {
+  if (std::exchange(rise_alone_, false)) lights_.Clear();
   learn_until_us_ = now_us + static_cast<int64_t>(kLearnPeriods * period_us_);
   learn_from_us_ = now_us + static_cast<int64_t>(kRetryPeriods * period_us_);
   recorder_.PlanAll(now_us, learn_until_us_);
@@ -206,7 +208,7 @@ void BlinkWandTimeline::ChooseAnswers(int64_t now_us, bool is_wand) {
       trial_.reset();
       lights_.Clear();
       recorder_.Clear();
-      is_learning_ = false;
+      is_learning_ = rise_alone_ = false;
       learn_until_us_ = learn_from_us_ = now_us;
   }
 }

@@ -17,7 +17,8 @@ namespace rigcal::agent {
 // sweeps the filter, and clears it when the clock jumps. Of a wand whose light is not known yet
 // (BlinkLights) everything is recorded for two periods; until then its centres are those of the
 // pixels that lit up. Where pixels answer one switch of the light only (AnswersChoice), nothing has
-// to be recorded first. One thread at a time.
+// to be recorded first; where what was recorded shows no fall, they are those of the rise. One
+// thread at a time.
 class BlinkWandTimeline {
  public:
   // `marker_period_us`: by marker.
@@ -98,6 +99,7 @@ class BlinkWandTimeline {
   int64_t learn_until_us_ = 0;  // everything is recorded until then
   bool is_learning_ = false;
   int64_t learn_from_us_ = 0;  // a light that was not found is looked for again then
+  bool rise_alone_ = false;    // what was recorded shows no fall: centres are those of the rise
 
   bool begun_ = false;
   int64_t reached_us_ = 0;

@@ -36,6 +36,10 @@ class BlinkWandTrack {
   bool empty() const { return markers_.empty(); }
   double label_confidence() const { return label_confidence_; }  // of the wand as a whole
   Prediction Predict(size_t marker, double time_us) const;
+  // px/us; none: not known yet, or there is no wand.
+  std::optional<Eigen::Vector2d> Velocity(size_t marker) const {
+    return empty() ? std::nullopt : markers_[marker].velocity_px_us;
+  }
 
  private:
   struct Marker {

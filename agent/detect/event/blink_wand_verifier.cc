@@ -19,6 +19,9 @@ constexpr double kFloorPx = 0.042;
 constexpr double kMeanShare = 0.2;
 // Of a centre without them: it lies ahead of the light's, and its time is not quite the light's.
 constexpr double kUntimedPx = 0.3;
+// Of a centre by one switch (BlinkBlob::ahead): by how much, and how well that is known. Half of it
+// is taken at this speed, whose direction is hardly known.
+constexpr double kOneSwitchPx = 0.08, kOneSwitchLeftPx = 0.1, kOneSwitchPxPerUs = 10e-6;
 // Of the depth to which the pixels of two markers overlap, and beyond which they are apart: what is
 // between them may have been given to the wrong one.
 constexpr double kTouchShare = 0.2, kTouchPx = 0.5;
@@ -57,10 +60,8 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
     return blobs[static_cast<size_t>(a)].area_px > blobs[static_cast<size_t>(b)].area_px;
   });
   blobs_.clear();
-  times_us_.clear();
+  seen_.clear();
   frequencies_.clear();
-  is_timed_.clear();
-  rise_to_fall_px_.clear();
   for (const int index : order_) {
     const BlinkBlob& from = blobs[static_cast<size_t>(index)];
     // The seeds of one marker may fall apart; each part then finds all of it.
@@ -70,10 +71,8 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
     if (known) continue;
     if (blobs_.size() == kMaxBlobs) break;
     blobs_.push_back(from);
-    times_us_.push_back(from.time_us);
+    seen_.push_back(from);
     frequencies_.push_back(from.frequency);
-    is_timed_.push_back(from.is_timed);
-    rise_to_fall_px_.push_back(from.rise_to_fall_px);
   }
 }
 
@@ -90,7 +89,7 @@ MarkerSight BlinkWandVerifier::SightOf(int index) const {
 bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluated) const {
   evaluated->candidate = &candidate;
   if (candidate.blobs.size() == 1) return true;
-  const auto time_us = [this](int blob) { return times_us_[static_cast<size_t>(blob)]; };
+  const auto time_us = [this](int blob) { return seen_[static_cast<size_t>(blob)].time_us; };
   const double any_us = time_us(candidate.blobs[0]);
   double mean_us = 0;
   for (const int index : candidate.blobs) {
@@ -116,13 +115,17 @@ MarkerObservation BlinkWandVerifier::Observe(const WandImageFit& fit, size_t k,
                                              int blob_index) const {
   MarkerObservation marker;
   if (blob_index < 0) return marker;
-  const auto index = static_cast<size_t>(blob_index);
-  const Blob& blob = blobs_[index];
+  const BlinkBlob& blob = seen_[static_cast<size_t>(blob_index)];
   if (blob.touches_border) return marker;
   marker.visible = true;
   marker.centre_px = blob.centre_px;
-  const Eigen::Vector2d off_px = kMeanShare * rise_to_fall_px_[index];
-  const double untimed_px = is_timed_[index] ? 0 : kUntimedPx;
+  const Eigen::Vector2d off_px = kMeanShare * blob.rise_to_fall_px;
+  double untimed_px = blob.is_timed ? 0 : kUntimedPx;
+  if (const auto px_per_us = track_.Velocity(k); px_per_us && blob.ahead != 0) {
+    const double share = kOneSwitchPx / (px_per_us->norm() + kOneSwitchPxPerUs);
+    marker.centre_px -= blob.ahead * share * *px_per_us;
+    untimed_px = kOneSwitchLeftPx;
+  }
   marker.covariance_px2 =
       (CentreVariance(blob) + untimed_px * untimed_px) * Eigen::Matrix2d::Identity() +
       off_px * off_px.transpose();
@@ -141,7 +144,7 @@ MarkerObservation BlinkWandVerifier::Observe(const WandImageFit& fit, size_t k,
 BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
   TakeBlobs(blobs);
   if (!blobs_.empty()) {
-    const double now_us = times_us_.front();
+    const double now_us = seen_.front().time_us;
     track_.ForgetBefore(now_us);
     if (ambiguous_us_ && SinceUs(*ambiguous_us_, now_us) > kAmbiguousUs) ambiguous_us_.reset();
   }
@@ -198,8 +201,8 @@ BlinkWand BlinkWandVerifier::Choose() {
     MarkerObservation& marker = wand.markers.emplace_back(Observe(best.fit, k, blob));
     marker.label_confidence = static_cast<float>(label_confidence);
     wand.blobs.push_back(blob);
-    wand.times_us.push_back(times_us_[static_cast<size_t>(blob)]);
-    wand.is_timed &= is_timed_[static_cast<size_t>(blob)];
+    wand.times_us.push_back(seen_[static_cast<size_t>(blob)].time_us);
+    wand.is_timed &= seen_[static_cast<size_t>(blob)].is_timed;
     visible += marker.visible ? 1 : 0;
   }
   // All but one cut by the border: whose that one is cannot be checked.
@@ -224,7 +227,7 @@ bool BlinkWandVerifier::IsBesideAnother(absl::Span<const int> wand) {
   // Of another wand some markers may have grown together with this one's: of one that was seen just
   // now, all but one.
   const int most_others = ambiguous_us_ ? 0 : 1;
-  const double now_us = times_us_.front();
+  const double now_us = seen_.front().time_us;
   if (OthersThan(wand) > most_others) {
     return !alone_us_ || SinceUs(*alone_us_, now_us) > kLampUs;
   }
@@ -255,7 +258,7 @@ int BlinkWandVerifier::OthersThan(absl::Span<const int> wand) const {
 int BlinkWandVerifier::FindFollowed(size_t marker) const {
   int found = -1;
   for (size_t i = 0; i < blobs_.size(); ++i) {
-    const BlinkWandTrack::Prediction expected = track_.Predict(marker, times_us_[i]);
+    const BlinkWandTrack::Prediction expected = track_.Predict(marker, seen_[i].time_us);
     const bool is_near = (blobs_[i].centre_px - expected.centre_px).norm() < expected.gate_px;
     if (!is_near || frequencies_[i] != expected.frequency) continue;
     if (found >= 0) return -1;
@@ -264,13 +267,13 @@ int BlinkWandVerifier::FindFollowed(size_t marker) const {
   if (found < 0) return -1;
   const auto index = static_cast<size_t>(found);
   // Part of it is hidden: its centre is not the marker's.
-  const double radius_px = track_.Predict(marker, times_us_[index]).radius_px;
+  const double radius_px = track_.Predict(marker, seen_[index].time_us).radius_px;
   const bool is_whole = std::abs(Radius(blobs_[index]) - radius_px) <
                         kFollowedRadiusPx + kFollowedRadiusShare * radius_px;
   if (!is_whole || blobs_[index].touches_border) return -1;
   for (size_t other = 0; other < finder_.shares().size(); ++other) {
     if (other == marker) continue;
-    const BlinkWandTrack::Prediction expected = track_.Predict(other, times_us_[index]);
+    const BlinkWandTrack::Prediction expected = track_.Predict(other, seen_[index].time_us);
     const double away_px = (blobs_[index].centre_px - expected.centre_px).norm();
     if (away_px < kApartGates * expected.gate_px) return -1;
   }
@@ -289,7 +292,7 @@ BlinkWand BlinkWandVerifier::Follow() const {
     const int blob = FindFollowed(k);
     wand.blobs.push_back(blob);
     if (blob < 0) continue;
-    const double marker_us = times_us_[static_cast<size_t>(blob)];
+    const double marker_us = seen_[static_cast<size_t>(blob)].time_us;
     if (seen == 0) time_us = marker_us;
     ++seen;
   }
@@ -321,8 +324,8 @@ BlinkWand BlinkWandVerifier::Follow() const {
     const int blob = wand.blobs[k];
     MarkerObservation& marker = wand.markers.emplace_back(Observe(fit, k, blob));
     marker.label_confidence = static_cast<float>(track_.label_confidence());
-    wand.times_us.push_back(blob < 0 ? time_us : times_us_[static_cast<size_t>(blob)]);
-    if (blob >= 0) wand.is_timed &= is_timed_[static_cast<size_t>(blob)];
+    wand.times_us.push_back(blob < 0 ? time_us : seen_[static_cast<size_t>(blob)].time_us);
+    if (blob >= 0) wand.is_timed &= seen_[static_cast<size_t>(blob)].is_timed;
   }
   return wand;
 }
@@ -359,13 +362,13 @@ BlinkWand BlinkWandVerifier::Enter() const {
   wand.blobs.assign(3, -1);
   for (size_t i = 0; i < seen.size(); ++i) {
     wand.blobs[static_cast<size_t>(pair->markers[i])] = wholes[i];
-    wand.is_timed &= is_timed_[static_cast<size_t>(wholes[i])];
+    wand.is_timed &= seen_[static_cast<size_t>(wholes[i])].is_timed;
   }
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     MarkerObservation& marker = wand.markers.emplace_back(Observe(pair->fit, k, wand.blobs[k]));
     marker.label_confidence = kEnteringCertainty;
     const int timed = wand.blobs[k] < 0 ? wholes[0] : wand.blobs[k];
-    wand.times_us.push_back(times_us_[static_cast<size_t>(timed)]);
+    wand.times_us.push_back(seen_[static_cast<size_t>(timed)].time_us);
   }
   return wand;
 }
@@ -373,7 +376,7 @@ BlinkWand BlinkWandVerifier::Enter() const {
 void BlinkWandVerifier::UpdateTrack(const BlinkWand& wand) {
   if (wand.outcome == DetectionOutcome::kAmbiguous) {
     track_.Forget();
-    ambiguous_us_ = times_us_.front();
+    ambiguous_us_ = seen_.front().time_us;
   }
   if (wand.outcome != DetectionOutcome::kWand || wand.markers.size() < 3) return;
   std::vector<BlinkWandTrack::Sighting> sightings;
@@ -386,7 +389,7 @@ void BlinkWandVerifier::UpdateTrack(const BlinkWand& wand) {
     sighting = {.seen = true,
                 .centre_px = blobs_[blob].centre_px,
                 .radius_px = Radius(blobs_[blob]),
-                .time_us = times_us_[blob],
+                .time_us = seen_[blob].time_us,
                 .frequency = frequencies_[blob]};
   }
   if (!is_certain) return track_.Forget();

@@ -92,10 +92,8 @@ class BlinkWandVerifier {
   SensorGeometry geometry_;
   std::vector<int> marker_kinds_;
   std::vector<Blob> blobs_;
-  std::vector<double> times_us_;                  // of blobs_
-  std::vector<int> frequencies_;                  // likewise
-  std::vector<bool> is_timed_;                    // likewise
-  std::vector<Eigen::Vector2d> rise_to_fall_px_;  // likewise
+  std::vector<BlinkBlob> seen_;   // blobs_ with what is known of their light
+  std::vector<int> frequencies_;  // of blobs_
   std::vector<int> order_;
   std::vector<Evaluated> evaluated_;
   BlinkWandTrack track_;

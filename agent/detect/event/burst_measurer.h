@@ -17,6 +17,10 @@ struct BlinkBlob : Blob {
   double period_us = 0;  // between its last two bursts
   // From where its pixels answer the light's rise to where they answer its fall.
   Eigen::Vector2d rise_to_fall_px = Eigen::Vector2d::Zero();
+  // Where its pixels lie along its motion, if they answer one switch of the light: ahead of it (1,
+  // the rise), behind (-1, the fall). A pixel that the edge comes to needs a greater change of
+  // light than one that it leaves.
+  int ahead = 0;
   bool is_timed = false;  // centre and time are those that FlashMeasurer has measured
 };
 

@@ -28,12 +28,16 @@ constexpr double kEarly = 0.02;
 constexpr double kFallShare = 0.1;
 // Of a period: a light that shines shorter, or is dark shorter, is not followed.
 constexpr double kLeastPhase = 0.08;
-// Of a period: the pixels that answer the fall alone show where the marker was so much earlier, and
-// those that answer the rise alone where it is so much later. With the fall: a pixel in front of
-// the marker is left out while it is in reset after the edge came to it, so the front is late by
-// that; one behind it compares its light with that soon after the last fall, so the back is late
-// by up to a period. 0.2 to 0.5 were seen, more where contrast is high and motion slow.
-constexpr double kOneSwitchShare = 0.375;
+// Of a period: pixels that answer one switch of the light only are blind for about so long after
+// any event. Those that the marker's edge made fire so shortly before the switch cannot answer it.
+constexpr double kBlindShare = 0.3;
+// Of a period: a pixel at the front begins to answer with the first switch after the edge has come
+// to it. So those that answer the fall show where the marker was so much earlier, those that answer
+// the rise where it will be so much later. Seen with the simulator's sensor and refractory period,
+// contrasts of 1:1 to 1:3; the rest of the way is no time (BlinkWandVerifier).
+constexpr double kOneSwitchShare = 0.19;
+// The same by the rise of pixels that answer the fall, too, but so late that it is not measured.
+constexpr double kLateFallShare = 0.09;
 
 struct PixelBox {
   int min_x = std::numeric_limits<int>::max(), min_y = std::numeric_limits<int>::max();
@@ -166,12 +170,23 @@ std::optional<FlashMeasurer::Flash> FlashMeasurer::MeasureFlash(const std::vecto
     box.Add(answer.x, answer.y);
   });
   if (static_cast<int>(flash_.size()) < least_pixels) return std::nullopt;
+  const size_t answered = flash_.size();
+  for (const Answer& answer : answers) {
+    const double early_us = earliest_us - answer.since_due_us;
+    if (early_us <= 0 || early_us > light.before_us) continue;
+    flash_.push_back(answer);
+    box.Add(answer.x, answer.y);
+  }
   // Each pixel's first.
-  constexpr float kNone = std::numeric_limits<float>::infinity();
+  constexpr float kNone = std::numeric_limits<float>::infinity(), kBefore = -kNone;
   first_us_.assign(static_cast<size_t>(box.width()) * static_cast<size_t>(box.height()), kNone);
-  for (const Answer& answer : flash_) {
-    float& first_us = first_us_[box.IndexOf(answer.x, answer.y)];
-    first_us = std::min(first_us, answer.since_due_us);
+  for (size_t i = 0; i < flash_.size(); ++i) {
+    float& first_us = first_us_[box.IndexOf(flash_[i].x, flash_[i].y)];
+    if (i < answered) {
+      first_us = std::min(first_us, flash_[i].since_due_us);
+    } else if (first_us == kNone) {
+      first_us = kBefore;
+    }
   }
   times_us_.clear();
   pixels_.clear();
@@ -181,7 +196,7 @@ std::optional<FlashMeasurer::Flash> FlashMeasurer::MeasureFlash(const std::vecto
       const float first_us = first_us_[index++];
       if (first_us == kNone) continue;
       pixels_.emplace_back(x, y);
-      times_us_.push_back(first_us);
+      if (first_us != kBefore) times_us_.push_back(first_us);
     }
   }
   Smooth(&pixels_);
@@ -235,19 +250,24 @@ void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, BlinkL
 void FlashMeasurer::MeasureOneSwitch(const FlashRecorder& recorder, PixelAnswers answers,
                                      double due_us, BlinkLights* lights,
                                      std::vector<BlinkBlob>* blobs) {
-  const bool on = answers == PixelAnswers::kRise;
-  const auto shown_at = [on](const BlinkBlob& blob) {
-    return blob.burst_us + (on ? kOneSwitchShare : -kOneSwitchShare) * blob.period_us;
+  const bool on = answers != PixelAnswers::kFall;
+  const double share = answers == PixelAnswers::kBoth ? kLateFallShare : kOneSwitchShare;
+  const auto shown_at = [on, share](const BlinkBlob& blob) {
+    return blob.burst_us + (on ? share : -share) * blob.period_us;
   };
   Collect(recorder.events(), due_us, *blobs);
-  for (BlinkBlob& blob : *blobs) blob.time_us = shown_at(blob);
+  for (BlinkBlob& blob : *blobs) {
+    blob.time_us = shown_at(blob);
+    blob.ahead = on ? 1 : -1;
+  }
   const BlinkLights known = *lights;  // what was recorded is about these
   for (size_t i = 0; i < largest_.size(); ++i) {
     BlinkBlob& blob = (*blobs)[largest_[i]];
     BlinkLight light = {.frequency = blob.frequency,
                         .on_us = blob.burst_us,
                         .period_us = blob.period_us,
-                        .lit_us = 0.5 * blob.period_us};
+                        .lit_us = 0.5 * blob.period_us,
+                        .before_us = kBlindShare * blob.period_us};
     if (const BlinkLight* const found = known.Find(blob.frequency, blob.burst_us)) {
       light = *found;
       const double switch_us = SinceUs(due_us, light.LastOn(due_us));

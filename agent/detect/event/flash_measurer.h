@@ -36,9 +36,11 @@ class FlashMeasurer {
   // was recorded for two periods; times of those that are there are renewed.
   void Measure(const FlashRecorder& recorder, double due_us, BlinkLights* lights,
                std::vector<BlinkBlob>* blobs);
-  // The same where pixels answer one of the two switches. What displaces their area has no
-  // counterpart then that it could be weighed against: the centre is that area's and the time that
-  // of the switch plus or minus what is usual. Blobs are not timed (BlinkBlob::is_timed).
+  // The same where pixels answer one of the two switches; kBoth: the rise, and the fall not at
+  // once. What displaces their area has no counterpart then that it could be weighed against: the
+  // centre is that area's and the time that of the switch plus or minus what is usual. Which way
+  // the rest of the displacement is, is BlinkBlob::ahead. Blobs are not timed
+  // (BlinkBlob::is_timed).
   void MeasureOneSwitch(const FlashRecorder& recorder, PixelAnswers answers, double due_us,
                         BlinkLights* lights, std::vector<BlinkBlob>* blobs);
 
@@ -57,7 +59,8 @@ class FlashMeasurer {
   // The light of a blob's first burst that was recorded whole from `from_us` to `until_us`.
   std::optional<BlinkLight> FindLight(const BlinkBlob& blob, const std::vector<Answer>& answers,
                                       double due_us, double from_us, double until_us);
-  // The pixels that answer about this time.
+  // The pixels that answer about this time, and those that cannot because they fired within
+  // BlinkLight::before_us before.
   std::optional<Flash> MeasureFlash(const std::vector<Answer>& answers, bool on, double begin_us,
                                     const BlinkLight& light, int least_pixels);
 

@@ -42,7 +42,7 @@ void FlashRecorder::Plan(std::span<const BlinkLight> lights, int64_t now_us, int
       const auto end_us = static_cast<int64_t>(light.lit_us + answer_us + margin_us);
       if (on + end_us < now_us) break;
       for (const double rise_us : {on_us, on_us + light.lit_us}) {
-        const int64_t from_us = WholeTime(due_us, rise_us - margin_us);
+        const int64_t from_us = WholeTime(due_us, rise_us - margin_us - light.before_us);
         const int64_t until_us = WholeTime(due_us, rise_us + answer_us + margin_us);
         if (until_us >= now_us) intervals_.push_back({from_us, until_us});
       }

@@ -35,8 +35,8 @@ CameraDescription Camera() {
 }
 
 // A wand that moves sideways, 1.6 m away and somewhat tilted.
-WandPose WandAt(double time_s) {
-  return {{-0.25 + 0.8 * time_s, 0.05, 1.6}, Eigen::Vector3d(1, 0.2, 0.3).normalized()};
+WandPose WandAt(double time_s, double speed_m_s = 0.8) {
+  return {{-0.25 + speed_m_s * time_s, 0.05, 1.6}, Eigen::Vector3d(1, 0.2, 0.3).normalized()};
 }
 
 struct Setting {
@@ -47,12 +47,14 @@ struct Setting {
   uint32_t seed = 1;
   double rate_hz = 200;
   double duty = 0.5;
+  double speed_m_s = 0.8;                           // 300 px/s
   int64_t duration_us = 120'000, from_us = 15'000;  // pixels need the first periods to be known
 };
 
 struct Observed {
   std::vector<Detection> detections;
   std::vector<double> errors_px;  // of all visible markers of wands
+  double mean_ahead_px = 0;       // of theirs, along the motion
   BlinkWandCounts counts;
   int wands = 0, ambiguous = 0, without_wand = 0;
   double least_label_confidence = 1;
@@ -73,7 +75,8 @@ Observed Watch(const Setting& setting) {
       *EventRenderer::Create(*camera.intrinsics, camera.image_size_px, shown, scene, sensor);
   std::vector<SimulatedEvent> events;
   std::vector<SimulatedTrigger> triggers;
-  EXPECT_TRUE(renderer.Render(setting.duration_us, WandAt, &events, &triggers).ok());
+  const auto path = [&setting](double time_s) { return WandAt(time_s, setting.speed_m_s); };
+  EXPECT_TRUE(renderer.Render(setting.duration_us, path, &events, &triggers).ok());
   std::vector<CdEvent> cd_events;
   for (const SimulatedEvent& event : events) {
     cd_events.push_back({event.time_us, event.x, event.y, event.on});
@@ -104,10 +107,12 @@ Observed Watch(const Setting& setting) {
           std::min(observed.least_label_confidence, static_cast<double>(marker.label_confidence));
       if (!marker.visible) continue;
       const double at_s = 1e-9 * static_cast<double>(observation.time_ns + marker.time_delta_ns);
-      const MarkerGroundTruth ground_truth = renderer.TruthOf(WandAt(at_s))[k];
-      observed.errors_px.push_back((marker.centre_px - ground_truth.centre_px).norm());
+      const Eigen::Vector2d error_px = marker.centre_px - renderer.TruthOf(path(at_s))[k].centre_px;
+      observed.errors_px.push_back(error_px.norm());
+      observed.mean_ahead_px += error_px.x();
     }
   }
+  observed.mean_ahead_px /= static_cast<double>(observed.errors_px.size());
   return observed;
 }
 
@@ -125,6 +130,23 @@ TEST(BlinkWandSensors, AWandIsFoundByTheOneSwitchThatPixelsAnswer) {
     for (const double error_px : observed.errors_px) EXPECT_LT(error_px, 0.6) << duty;
     if (duty == 0.8) {
       EXPECT_GE(observed.counts.by_fall, 20);
+    }
+  }
+}
+
+// Of one switch alone the pixels are behind the marker by up to 0.3 px, or ahead of it.
+TEST(BlinkWandSensors, TheSwitchThatPixelsDoNotAnswerDoesNotMoveTheCentre) {
+  for (const double duty : {0.2, 0.8}) {
+    for (const double speed_m_s : {0.1, 0.2, 0.4, 0.8}) {
+      Setting setting;
+      setting.shown = "wand:0,0.13,0.39;diameter=0.04;hz=500";
+      setting.duty = duty;
+      setting.speed_m_s = speed_m_s;
+      setting.from_us = 600'000;
+      setting.duration_us = 750'000;
+      const Observed observed = Watch(setting);
+      EXPECT_GE(observed.wands, 29) << duty << " " << speed_m_s;  // of 30
+      EXPECT_LT(std::abs(observed.mean_ahead_px), 0.06) << duty << " " << speed_m_s;
     }
   }
 }

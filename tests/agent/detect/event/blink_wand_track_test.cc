@@ -26,6 +26,7 @@ TEST(BlinkWandTrack, PredictsUniformMotion) {
   EXPECT_TRUE(track.empty());
   track.Add(At(0), 0.99);
   const double first_gate_px = track.Predict(0, 20'000).gate_px;
+  EXPECT_FALSE(track.Velocity(0));
   track.Add(At(20'000), 0.99);
   ASSERT_FALSE(track.empty());
   EXPECT_EQ(track.label_confidence(), 0.99);
@@ -33,6 +34,7 @@ TEST(BlinkWandTrack, PredictsUniformMotion) {
     const BlinkWandTrack::Prediction expected = track.Predict(k, 40'000);
     EXPECT_LT((expected.centre_px - At(40'000)[k].centre_px).norm(), 1e-9);
     EXPECT_EQ(expected.radius_px, 8);
+    EXPECT_LT((*track.Velocity(k) - Eigen::Vector2d(0.5e-3, 0)).norm(), 1e-9);
     EXPECT_LT(expected.gate_px, first_gate_px);  // the velocity is known now
   }
 }

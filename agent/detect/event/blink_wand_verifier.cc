@@ -21,7 +21,7 @@ constexpr double kMeanShare = 0.2;
 constexpr double kUntimedPx = 0.3;
 // Of a centre by one switch (BlinkBlob::ahead): by how much, and how well that is known. Half of it
 // is taken at this speed, whose direction is hardly known.
-constexpr double kOneSwitchPx = 0.08, kOneSwitchLeftPx = 0.1, kOneSwitchPxPerUs = 10e-6;
+constexpr double kOneSwitchPx = 0.06, kOneSwitchLeftPx = 0.1, kOneSwitchPxPerUs = 10e-6;
 // Of the depth to which the pixels of two markers overlap, and beyond which they are apart: what is
 // between them may have been given to the wrong one.
 constexpr double kTouchShare = 0.2, kTouchPx = 0.5;

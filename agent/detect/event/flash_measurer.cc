@@ -35,9 +35,9 @@ constexpr double kBlindShare = 0.3;
 // to it. So those that answer the fall show where the marker was so much earlier, those that answer
 // the rise where it will be so much later. Seen with the simulator's sensor and refractory period,
 // contrasts of 1:1 to 1:3; the rest of the way is no time (BlinkWandVerifier).
-constexpr double kOneSwitchShare = 0.19;
+constexpr double kOneSwitchShare = 0.2;
 // The same by the rise of pixels that answer the fall, too, but so late that it is not measured.
-constexpr double kLateFallShare = 0.09;
+constexpr double kLateFallShare = 0.1;
 
 struct PixelBox {
   int min_x = std::numeric_limits<int>::max(), min_y = std::numeric_limits<int>::max();

@@ -123,9 +123,8 @@ void EventObservationSource::WarnOfScene(size_t first_found) {
   spdlog::warn(
       "camera {}: pixels answer only the {} of the wand's light: it is {} for a shorter time than "
       "the sensor's refractory period. Centres of a moving wand are known to 0.1 px along the "
-      "motion, and the time offset to 0.2 ms. For more set the duty cycle nearer to 50 %, the "
-      "blink "
-      "frequency lower, or the refractory period shorter",
+      "motion, and the time offset to 0.2 ms. For more set the duty cycle nearer to 50 %, lower "
+      "the blink frequency, or shorten the refractory period",
       camera, is_rise ? "rise" : "fall", is_rise ? "on" : "off");
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "agent/detect/event/wrapped_time.h"
 
@@ -41,9 +42,11 @@ void FlashRecorder::Plan(std::span<const BlinkLight> lights, int64_t now_us, int
       const int64_t on = WholeTime(due_us, on_us);
       const auto end_us = static_cast<int64_t>(light.lit_us + answer_us + margin_us);
       if (on + end_us < now_us) break;
-      for (const double rise_us : {on_us, on_us + light.lit_us}) {
-        const int64_t from_us = WholeTime(due_us, rise_us - margin_us - light.before_us);
-        const int64_t until_us = WholeTime(due_us, rise_us + answer_us + margin_us);
+      const double off_us = on_us + light.lit_us;
+      for (const auto& [begin_us, switch_us] :
+           {std::pair{on_us - light.before_us, on_us}, std::pair{off_us, off_us}}) {
+        const int64_t from_us = WholeTime(due_us, begin_us - margin_us);
+        const int64_t until_us = WholeTime(due_us, switch_us + answer_us + margin_us);
         if (until_us >= now_us) intervals_.push_back({from_us, until_us});
       }
       if (!every) break;

@@ -160,7 +160,7 @@ class OutlinedCentres {
       bool too_little = arcs_[k].hidden_count > kNotch && arcs_[k].known_count < kLeastKnown;
       // Different things around it, and an edge that is as much on its outline as the others', or
       // an outline that is not smaller than theirs, as that of half a sphere is.
-      const bool is_as_large = too_little &&
+      const bool is_as_large = (too_little || arcs_[k].failed) &&
                                first[k]->radius_px > kLeastOfWhole * expected.radius_px &&
                                expected.radius_px > 0;
       // Through few sectors an ellipse fits anything, and what is left of a sphere is smaller.

@@ -34,11 +34,6 @@ constexpr double kPartialCost = 1, kPartialUnlikeness = 3, kPartialColourSigma =
                  kPartialChance = 0.5, kMuchSeen = 0.4, kMostRelief = 0.5, kMostPartialFit = 2,
                  kMostFitWithStick = 3;
 constexpr double kSeenStickGain = 2;
-constexpr double kMargin = 8;  // in cost, of a wand against the next best
-// The same two spheres the other way round are hardly ever nearer than that, and never better.
-constexpr double kFlippedMargin = 2.2;
-constexpr double kBrighter = 1.25;  // than its reflection
-constexpr double kCertain = 0.999;
 constexpr double kKnownPlace = 0.5;  // of a radius
 // Of outlines.
 constexpr double kWorthALook = 0.1;                     // confidence
@@ -240,45 +235,6 @@ bool WandVerifier::IsKnown(const WandCandidate& candidate, absl::Span<const Blob
   });
 }
 
-Verdict WandVerifier::Choose() {
-  Verdict verdict;
-  if (evaluated_.empty()) return verdict;
-  std::stable_sort(evaluated_.begin(), evaluated_.end(),
-                   [](const VerifiedWand& a, const VerifiedWand& b) { return a.cost < b.cost; });
-  size_t best = 0;
-  for (size_t i = 1; i < evaluated_.size(); ++i) {
-    const VerifiedWand &now = evaluated_[best], &other = evaluated_[i];
-    if (other.confidence < min_confidence_ || SameBlobs(now.blobs, other.blobs)) continue;
-    if (SameWholes(now, other) || SamePlaces(now, other) || IsPartOf(other, now)) continue;
-    if (Disjoint(now, other)) {
-      const double ratio = MeanBrightness(other) / MeanBrightness(now);
-      if (ratio > kBrighter) best = i;
-      if (ratio > kBrighter || ratio < 1 / kBrighter) continue;
-    }
-    // A part of the wand with something else beside it.
-    if (!Disjoint(now, other) && other.OccludedCount() > now.OccludedCount()) continue;
-    // The same two spheres the other way round; the labels have a confidence of their own.
-    const bool is_flipped = SameWholeBlobs(now, other);
-    verdict.ambiguous |= is_flipped ? FlippedCost(now, other) < now.cost + kFlippedMargin
-                                    : other.cost < now.cost + kMargin;
-  }
-  VerifiedWand& wand = evaluated_[best];
-  if (wand.confidence < min_confidence_) return Verdict();
-  if (verdict.ambiguous) return verdict;
-  for (const VerifiedWand& other : evaluated_) {
-    const bool is_flipped = other.confidence >= min_confidence_ && SameWholeBlobs(wand, other) &&
-                            !SameWholes(wand, other);
-    if (&other == &wand || !(is_flipped || SameBlobs(wand.blobs, other.blobs))) continue;
-    const double other_cost = is_flipped ? FlippedCost(wand, other) : other.cost;
-    const double certainty = 1 / (1 + std::exp(0.5 * (wand.cost - other_cost)));
-    wand.label_confidence = std::min(wand.label_confidence, certainty);
-  }
-  wand.label_confidence = std::clamp(wand.label_confidence, 0.5, kCertain);
-  if (wand.blobs.size() == 1) wand.label_confidence = 1;
-  verdict.wand = wand;
-  return verdict;
-}
-
 // The cost of shapes that are not those of spheres: of the outlines' fits, and of ellipses that
 // differ within the wand. Motion stretches all spheres alike.
 double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand) {
@@ -343,7 +299,7 @@ bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   }
   SetOutlinedCentres(markers, markers_.fitter(), wand);
   const bool is_proved = wand->cost < kProvedByCost || wand->LargestSigmaRadii() < kProvingSigma;
-  if (wand->has_part && !is_proved) return false;
+  if ((wand->has_part || IsByEvidence(*wand)) && !is_proved) return false;
   const size_t seen = wand->blobs.size() - static_cast<size_t>(wand->OccludedCount());
   return seen >= std::min<size_t>(2, wand->blobs.size());
 }
@@ -384,7 +340,7 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
     }
     wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
   }
-  Verdict verdict = Choose();
+  Verdict verdict = ChooseWand(min_confidence_, &evaluated_);
   // Not of its rivals: they are in the row, too.
   if (verdict.wand && in_room_ && ThingsLike(image, blobs, *verdict.wand).go_on_as_row) {
     verdict.wand->evidence -= kRowEvidence;

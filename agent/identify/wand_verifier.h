@@ -6,21 +6,14 @@
 
 #include "agent/identify/measured_markers.h"
 #include "agent/identify/verified_wand.h"
+#include "agent/identify/wand_choice.h"
 #include "agent/identify/wand_finder.h"
 
 namespace rigcal::agent {
 
-struct Verdict {
-  std::optional<VerifiedWand> wand;
-  bool ambiguous = false;  // another one is as good; then `wand` is none
-  size_t measured = 0;     // of the candidates from the first one on
-  bool left_out = false;   // what was not measured was too much work, and not clearly worse
-};
-
 // Chooses among candidates by the brightness of their pixels: sub-pixel centres and radii against
-// the pose, and how alike the markers are in brightness, colour and shape. Of two wands without a
-// common blob that are equally good the brighter one is taken (the other is its reflection in a
-// floor or a window); others are ambiguous. One thread at a time.
+// the pose, and how alike the markers are in brightness, colour and shape (ChooseWand). One thread
+// at a time.
 class WandVerifier {
  public:
   // In cost before it is measured, of what need not be.
@@ -51,7 +44,6 @@ class WandVerifier {
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
   bool IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const;
-  Verdict Choose();
   static bool FitPose(const WandFinder& finder, int partial, VerifiedWand* wand);
   double ShapeCost(const ImageView& image, const VerifiedWand& wand);
   double EvidenceOfOutlines(const ImageView& image, const VerifiedWand& wand);

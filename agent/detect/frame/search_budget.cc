@@ -11,8 +11,8 @@ constexpr double kMostMs = 5.3;
 
 }  // namespace
 
-double SearchBudget::TakeWork(double most) {
-  const double work = std::min(work_left_, most);
+double SearchBudget::TakeWork(double most, double least) {
+  const double work = std::max(least, std::min(work_left_, most));
   work_left_ -= work;
   return work;
 }

@@ -16,8 +16,9 @@ class SearchBudget {
 
   // In pixels that are read (MarkerMeter::WorkOf). Below 0: the last look cost more than was left.
   double work_left() const { return work_left_; }
-  // What was taken of it, at most `most`; what is left of that goes back.
-  double TakeWork(double most);
+  // What was taken of it, at most `most`; what is left of that goes back. `least`: for the last
+  // look at a wand that is found, whatever is left.
+  double TakeWork(double most, double least = 0);
   void GiveBackWork(double work) { work_left_ += work; }
 
   // Of all, where finding spots took `spots_ms` so far.

@@ -47,9 +47,9 @@ constexpr int kLargeAreaPx = 800;
 constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
 constexpr int kMostPairs = 32;                        // of each level
 constexpr double kLong = 0.18;
-constexpr double kHalfDoubt = 3;    // few wands point at the camera, and many things are long
-constexpr double kClearlyLess = 1;  // of a doubt
-constexpr int kPart = 4;            // a piece that much smaller is something in front of the other
+constexpr double kHalfDoubt = 3;  // few wands point at the camera, and many things are long
+constexpr double kClearlyLess = 1, kMostDoubtBefore = 4;  // of a doubt; of the level before
+constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
 constexpr int kClipped = 250;
 
@@ -214,6 +214,7 @@ void SpotFinder::BeginImage() {
   searches_ = looked_at_ = found_ = 0;
   dismissed_ = 0;
   looked_ = false;
+  has_whole_image_ = false;
 }
 
 const BlobResult& SpotFinder::Look(const ImageView& image) {
@@ -297,6 +298,17 @@ void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut, int
   spots_.push_back(spot);
 }
 
+void SpotFinder::KeepOfLevelBefore(Spot spot) {
+  if (spot.is_half || spot.doubt > kMostDoubtBefore) return;
+  const auto known = std::ranges::find_if(spots_, [&](const Spot& one) {
+    const int larger = std::max(one.blob.area_px, spot.blob.area_px);
+    return (one.blob.centre_px - spot.blob.centre_px).squaredNorm() * std::numbers::pi < larger;
+  });
+  spot.pair = known == spots_.end() ? -1 : known->pair;
+  if (known == spots_.end()) return spots_.push_back(spot);
+  if (spot.doubt + kClearlyLess < known->doubt) *known = spot;
+}
+
 // Two spheres of a wand that points at the camera overlap. The largest blobs first: small things
 // are many.
 void SpotFinder::KeepPairs(const ImageView& image, const PixelRect& part) {
@@ -315,6 +327,10 @@ void SpotFinder::KeepPairs(const ImageView& image, const PixelRect& part) {
 
 void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t level,
                       bool only_if_few) {
+  const bool is_whole_image = part == image.Bounds();
+  std::vector<Spot> before;
+  if (level == kContrastLevel && is_whole_image && has_whole_image_) before.swap(spots_);
+  has_whole_image_ = is_whole_image;
   level_ = level;
   spots_.clear();
   least_doubt_left_ = std::numeric_limits<double>::infinity();
@@ -371,6 +387,7 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
     }
   }
   KeepPairs(image, part);
+  for (const Spot& spot : before) KeepOfLevelBefore(spot);
   found_ += static_cast<int>(std::min(spots_.size(), kMaxSpots));
   if (spots_.size() <= kMaxSpots) return;
   std::stable_sort(spots_.begin(), spots_.end(),

@@ -64,7 +64,9 @@ class SpotFinder {
   void BeginImage();
   // Blobs of the widest level in the whole image.
   const BlobResult& Look(const ImageView& image);
-  // Spots of a level, in a part of the image. `only_if_few`: none, where there are more blobs than
+  // Spots of a level, in a part of the image; by contrast in the whole image those of the level
+  // before, too: of a wand one sphere may stand out by its colour only, and another one by nothing
+  // else. `only_if_few`: none, where there are more blobs than
   // can be looked at.
   void Find(const ImageView& image, const PixelRect& part, size_t level, bool only_if_few = false);
 
@@ -97,6 +99,8 @@ class SpotFinder {
   // `pair`: one of two discs that this blob may be.
   void Keep(const ImageView& image, const Blob& blob, bool is_cut, int pair = -1);
   void KeepPairs(const ImageView& image, const PixelRect& part);
+  // What the level before has found, where this one has nothing that looks more like a sphere.
+  void KeepOfLevelBefore(Spot spot);
 
   std::vector<Level> levels_;
   size_t level_ = 0;
@@ -109,8 +113,9 @@ class SpotFinder {
   std::vector<const Blob*> pairs_;  // what may be two spheres
   std::vector<Spot> spots_;
   double least_doubt_left_ = std::numeric_limits<double>::infinity();
-  bool looked_ = false;  // at this image
-  BrightWords bright_;   // of it, if so, in the widest level
+  bool looked_ = false;           // at this image
+  bool has_whole_image_ = false;  // spots_
+  BrightWords bright_;            // of it, if so, in the widest level
   int64_t masked_px_left_ = 0, split_px_left_ = 0;
   // In all levels: runs of pixels, searches of the whole image, blobs that were looked at, spots.
   int64_t runs_ = 0;

@@ -14,7 +14,7 @@ namespace rigcal::agent {
 // max_blobs: 2 to 4096.
 struct WandDetectorOptions : BlobFinderOptions, WandLimits {
   // In a lit room a false wand costs more than a missed one.
-  WandDetectorOptions() { min_confidence = 0.7; }
+  WandDetectorOptions() { min_confidence = 0.6; }
 
   bool tracking = true;  // look where the wand is expected before searching the image
   // Seconds; 0: not known. With the target's blink frequency and the image velocity of a followed

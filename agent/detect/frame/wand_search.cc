@@ -21,8 +21,9 @@ constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may b
 constexpr double kWorkOfPartial = 5500, kShareOfPartial = 0.45;  // their verification
 constexpr double kWorkOfParts = 4500;                            // of both, what others leave
 constexpr double kWorkOfWhole = 7000;                            // that another look finds
-constexpr size_t kMostThirds = 4;                                // markers that nothing found
-constexpr double kPartialLabels = 0.65;                          // their confidence
+constexpr double kLeastWorkOfWhole = 2500;
+constexpr size_t kMostThirds = 4;        // markers that nothing found
+constexpr double kPartialLabels = 0.65;  // their confidence
 
 // What a part of a search may take of the budget.
 constexpr int kFitsOfLevel = 300;
@@ -43,6 +44,7 @@ constexpr double kLittleMs = 1.8, kDimMs = 2.4;
 constexpr double kAnotherLevelMs = 1.1;  // less: a hidden marker is looked for in another level
 // A marker of which so little is seen is hidden, in any level.
 constexpr double kHiddenShare = 0.6, kSureOfPart = 0.98;
+constexpr double kKnownWhole = 0.2;   // of a radius, each marker's place
 constexpr double kWholeGain = 5;      // in cost, against the same with a hidden marker
 constexpr double kNoFurtherMs = 3.1;  // by the times above: no other level is begun
 constexpr double kThirdMs = 3.6;      // nor is what stood out looked at again
@@ -370,7 +372,7 @@ Verdict WandSearch::SearchThird(const ImageView& image, absl::Span<const WandCan
 void WandSearch::TryWhole(const ImageView& image, VerifiedWand* wand) {
   const auto whole = WholeCandidate(wand_finder_, *wand, &standing_out_);
   if (!whole) return;
-  double work = budget_.TakeWork(kWorkOfWhole);
+  double work = budget_.TakeWork(kWorkOfWhole, kLeastWorkOfWhole);
   // Its labels are as certain as the other way round is worse.
   std::array<WandCandidate, 2> both = {*whole, *whole};
   std::ranges::reverse(both[1].blobs);
@@ -382,7 +384,8 @@ void WandSearch::TryWhole(const ImageView& image, VerifiedWand* wand) {
       verdict.wand->label_confidence < kPartialLabels) {
     return;
   }
-  if (verifier_.FitOutlines(image, &*verdict.wand)) *wand = *std::move(verdict.wand);
+  if (!verifier_.FitOutlines(image, &*verdict.wand)) return;
+  if (verdict.wand->LargestSigmaRadii() < kKnownWhole) *wand = *std::move(verdict.wand);
 }
 
 std::optional<VerifiedWand> WandSearch::SearchPart(const ImageView& image, const PixelRect& part) {

@@ -56,6 +56,13 @@ TEST(SearchBudget, WhatSpotsTookIsTakenOffTheWork) {
   EXPECT_NEAR(budget.TakeWork(all), 0.75 * left, 1e-6);
   const double most_ms = budget.EstimatedMs(3);
   EXPECT_GT(most_ms, 4);
+  // The last look at a wand that is found may be taken of nothing, and comes back as it was.
+  EXPECT_EQ(budget.TakeWork(700), 0);
+  EXPECT_EQ(budget.TakeWork(700, 500), 500);
+  EXPECT_GT(budget.EstimatedMs(3), most_ms);
+  EXPECT_EQ(budget.TakeWork(700), 0);
+  budget.GiveBackWork(500);
+  EXPECT_NEAR(budget.EstimatedMs(3), most_ms, 1e-9);
   budget.StartImage();
   EXPECT_EQ(budget.work_left(), all);
   budget.UseFits(100);

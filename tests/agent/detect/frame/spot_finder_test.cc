@@ -187,6 +187,32 @@ TEST(SpotFinder, ABlackDiscBeforeABluishWallIsNoSpot) {
   EXPECT_EQ(SpotsAt(finder, 400, 200, 0.6).size(), 1u);
 }
 
+// Of one wand a sphere may stand out by its colour only, and another one by nothing else: the
+// second picture stands for what contrast does not show. Nothing is kept of another image.
+TEST(SpotFinder, WhatTheLevelBeforeFoundIsKeptBesideWhatStandsOut) {
+  SpotFinder finder = MustCreate();
+  Picture by_colour(20), by_contrast(20);
+  by_colour.AddDisc(200, 200, 7, kSphere);
+  by_colour.AddDisc(300, 200, 7, kSphere);
+  by_contrast.AddDisc(301, 200, 7, kSphere);
+  by_contrast.AddDisc(400, 200, 7, kSphere);
+  const PixelRect all = by_colour.View().Bounds();
+  for (const bool same_image : {true, false}) {
+    finder.BeginImage();
+    finder.Find(by_colour.View(), all, 0);
+    if (!same_image) finder.BeginImage();
+    finder.Find(by_contrast.View(), all, SpotFinder::kContrastLevel);
+    EXPECT_EQ(SpotsAt(finder, 200, 200, 2).size(), same_image ? 1u : 0u);
+    EXPECT_EQ(SpotsAt(finder, 300, 200, 3).size(), 1u);
+    EXPECT_EQ(SpotsAt(finder, 400, 200, 2).size(), 1u);
+  }
+  // A part of an image is searched for itself.
+  finder.BeginImage();
+  finder.Find(by_colour.View(), all, 0);
+  finder.Find(by_contrast.View(), {350, 150, 100, 100}, SpotFinder::kContrastLevel);
+  EXPECT_TRUE(SpotsAt(finder, 200, 200, 2).empty());
+}
+
 // A pattern all over leaves no time for other levels.
 TEST(SpotFinder, OfAPatternNothingStandsOutIfOnlyAFewMay) {
   SpotFinder finder = MustCreate();

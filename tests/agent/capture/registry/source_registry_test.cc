@@ -133,7 +133,7 @@ TEST(ParseSourceSpec, TakesEveryPartOfFramesInFiles) {
       ParseSourceSpec("l=images:rig/left/;timestamps=t.csv;fps=30;exposure=0.005;speed=2;"
                       "calibration=none;hue_min=340;hue_max=40;saturation_min=0.2;value_min=70;"
                       "washed_out_min=256;min_area=4;max_area=900;max_blobs=64;min_distance=1;"
-                      "max_distance=9;max_tilt=70;min_confidence=0.6;tracking=0;mask=m.png;"
+                      "max_distance=9;max_tilt=70;min_confidence=0.55;tracking=0;mask=m.png;"
                       "learn_mask=2;background=5"));
   const auto& frames = dynamic_cast<const FrameSourceSpec&>(*spec);
   const auto& images = OptionsOf<RecordedFramesOptions>(*spec);
@@ -152,7 +152,7 @@ TEST(ParseSourceSpec, TakesEveryPartOfFramesInFiles) {
   EXPECT_EQ(detector.min_distance_m, 1);
   EXPECT_EQ(detector.max_distance_m, 9);
   EXPECT_EQ(detector.max_tilt_deg, 70);
-  EXPECT_EQ(detector.min_confidence, 0.6);
+  EXPECT_EQ(detector.min_confidence, 0.55);
   EXPECT_FALSE(detector.tracking);
   EXPECT_EQ(frames.detecting.mask_path, "m.png");
   EXPECT_EQ(frames.detecting.learn_mask_s, 2);

@@ -19,12 +19,6 @@ constexpr double kOccludedOdds = 1.55;  // of a wand with a marker that is not w
 // By all that is known of it: something else of little cost has evidence against it.
 double CostOfAll(const VerifiedWand& wand) { return wand.cost - wand.evidence; }
 
-bool IsConfident(const VerifiedWand& wand, double min_confidence) {
-  const double least = wand.OccludedCount() > 0 ? kOccludedOdds * min_confidence : min_confidence;
-  // least odds * (1 - c) <= c, with odds that may be infinite.
-  return wand.confidence * (1 - min_confidence) >= least * (1 - wand.confidence);
-}
-
 // The wand's labels are as certain as others for the same spheres are worse.
 void SetLabelConfidence(double min_confidence, const std::vector<VerifiedWand>& wands,
                         VerifiedWand* wand) {
@@ -41,6 +35,12 @@ void SetLabelConfidence(double min_confidence, const std::vector<VerifiedWand>& 
 }
 
 }  // namespace
+
+bool IsConfident(const VerifiedWand& wand, double min_confidence) {
+  const double least = wand.OccludedCount() > 0 ? kOccludedOdds * min_confidence : min_confidence;
+  // least odds * (1 - c) <= c, with odds that may be infinite.
+  return wand.confidence * (1 - min_confidence) >= least * (1 - wand.confidence);
+}
 
 Verdict ChooseWand(double min_confidence, std::vector<VerifiedWand>* wands) {
   Verdict verdict;

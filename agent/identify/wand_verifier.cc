@@ -345,7 +345,7 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   if (verdict.wand && in_room_ && ThingsLike(image, blobs, *verdict.wand).go_on_as_row) {
     verdict.wand->evidence -= kRowEvidence;
     verdict.wand->confidence = ConfidenceOf(verdict.wand->cost - verdict.wand->evidence);
-    if (verdict.wand->confidence < min_confidence_) verdict.wand.reset();
+    if (!IsConfident(*verdict.wand, min_confidence_)) verdict.wand.reset();
   }
   verdict.measured = count;
   verdict.left_out = markers_.is_out_of_work();

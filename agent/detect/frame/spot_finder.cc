@@ -47,8 +47,9 @@ constexpr int kLargeAreaPx = 800;
 constexpr int kLeastPairPx = 40, kMostPairPx = 8000;  // of two spheres
 constexpr int kMostPairs = 32;                        // of each level
 constexpr double kLong = 0.18;
-constexpr double kHalfDoubt = 3;  // few wands point at the camera, and many things are long
-constexpr double kClearlyLess = 1, kMostDoubtBefore = 4;  // of a doubt; of the level before
+constexpr double kHalfDoubt = 3;        // few wands point at the camera, and many things are long
+constexpr double kClearlyLess = 1;      // of a doubt
+constexpr double kMostDoubtBefore = 4;  // of what is kept of the level before
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
 constexpr int kClipped = 250;
@@ -328,8 +329,8 @@ void SpotFinder::KeepPairs(const ImageView& image, const PixelRect& part) {
 void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t level,
                       bool only_if_few) {
   const bool is_whole_image = part == image.Bounds();
-  std::vector<Spot> before;
-  if (level == kContrastLevel && is_whole_image && has_whole_image_) before.swap(spots_);
+  spots_before_.clear();
+  if (level == kContrastLevel && is_whole_image && has_whole_image_) spots_before_.swap(spots_);
   has_whole_image_ = is_whole_image;
   level_ = level;
   spots_.clear();
@@ -387,7 +388,7 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
     }
   }
   KeepPairs(image, part);
-  for (const Spot& spot : before) KeepOfLevelBefore(spot);
+  for (const Spot& spot : spots_before_) KeepOfLevelBefore(spot);
   found_ += static_cast<int>(std::min(spots_.size(), kMaxSpots));
   if (spots_.size() <= kMaxSpots) return;
   std::stable_sort(spots_.begin(), spots_.end(),

@@ -66,8 +66,7 @@ class SpotFinder {
   const BlobResult& Look(const ImageView& image);
   // Spots of a level, in a part of the image; by contrast in the whole image those of the level
   // before, too: of a wand one sphere may stand out by its colour only, and another one by nothing
-  // else. `only_if_few`: none, where there are more blobs than
-  // can be looked at.
+  // else. `only_if_few`: none, where there are more blobs than can be looked at.
   void Find(const ImageView& image, const PixelRect& part, size_t level, bool only_if_few = false);
 
   // Of the last Find. Of too many spots those of least doubt: not `has_all`.
@@ -110,11 +109,11 @@ class SpotFinder {
   BlobSplitter splitter_;
   DiscFinder discs_;
   ContrastMasker contrast_;
-  std::vector<const Blob*> pairs_;  // what may be two spheres
-  std::vector<Spot> spots_;
+  std::vector<const Blob*> pairs_;          // what may be two spheres
+  std::vector<Spot> spots_, spots_before_;  // of this level, and those kept of the one before
   double least_doubt_left_ = std::numeric_limits<double>::infinity();
   bool looked_ = false;           // at this image
-  bool has_whole_image_ = false;  // spots_
+  bool has_whole_image_ = false;  // spots_ are those of all of it
   BrightWords bright_;            // of it, if so, in the widest level
   int64_t masked_px_left_ = 0, split_px_left_ = 0;
   // In all levels: runs of pixels, searches of the whole image, blobs that were looked at, spots.

@@ -21,9 +21,9 @@ constexpr double kWorkOfPlaces = 8000;  // in pixels, where hidden markers may b
 constexpr double kWorkOfPartial = 5500, kShareOfPartial = 0.45;  // their verification
 constexpr double kWorkOfParts = 4500;                            // of both, what others leave
 constexpr double kWorkOfWhole = 7000;                            // that another look finds
-constexpr double kLeastWorkOfWhole = 2500;
-constexpr size_t kMostThirds = 4;        // markers that nothing found
-constexpr double kPartialLabels = 0.65;  // their confidence
+constexpr double kLeastWorkOfWhole = 2500;                       // of a wand that is found
+constexpr size_t kMostThirds = 4;                                // markers that nothing found
+constexpr double kPartialLabels = 0.65;                          // their confidence
 
 // What a part of a search may take of the budget.
 constexpr int kFitsOfLevel = 300;

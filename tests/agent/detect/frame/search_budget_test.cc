@@ -56,7 +56,7 @@ TEST(SearchBudget, WhatSpotsTookIsTakenOffTheWork) {
   EXPECT_NEAR(budget.TakeWork(all), 0.75 * left, 1e-6);
   const double most_ms = budget.EstimatedMs(3);
   EXPECT_GT(most_ms, 4);
-  // The last look at a wand that is found may be taken of nothing, and comes back as it was.
+  // There is work for the last look at a wand even if none is left, and what it leaves goes back.
   EXPECT_EQ(budget.TakeWork(700), 0);
   EXPECT_EQ(budget.TakeWork(700, 500), 500);
   EXPECT_GT(budget.EstimatedMs(3), most_ms);

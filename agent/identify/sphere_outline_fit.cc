@@ -28,6 +28,7 @@ constexpr double kFarCost = 1.2;
 constexpr float kWiderLosses[] = {6, 3, 1.5f};
 constexpr size_t kFewest = kOutlineCount + 8;
 constexpr int kMaxRounds = 20;
+constexpr double kLeastRejected = 0.03;  // damping after a step that was too long
 constexpr double kSettledPx = 0.004, kSettledCost = 0.5;
 constexpr double kNearlyPx = 0.03, kNearlyCost = 2;  // is enough in the end
 constexpr double kSameCost = 1e-3;                   // single precision
@@ -116,20 +117,23 @@ void SphereOutlineFitter::Weigh(const OutlinePixels& pixels, System* system) {
   system->cost = 0.5 * static_cast<double>(width * width) * sums.log_spreads;
 }
 
-SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,
-                                                           const Vector& parameters,
-                                                           bool white_light) {
+SphereOutlineFitter::System SphereOutlineFitter::Evaluate(const OutlinePixels& pixels,
+                                                          const Vector& parameters,
+                                                          bool white_light) {
   const Eigen::Matrix<float, kOutlineCount, 1> single = parameters.cast<float>();
   rows_.Model(pixels, single.data(), white_light);
   System system;
   Weigh(pixels, &system);
+  return system;
+}
+
+void SphereOutlineFitter::SumProducts(System* system) {
   Eigen::Matrix<float, kOutlineCount, kOutlineCount, Eigen::RowMajor> products;
   products.setZero();
   Eigen::Matrix<float, kOutlineCount, 1> gradient = Eigen::Matrix<float, kOutlineCount, 1>::Zero();
   rows_.Sum(weight_, residual_, products.data(), gradient.data());
-  system.information = products.cast<double>();
-  system.gradient = gradient.cast<double>();
-  return system;
+  system->information = products.cast<double>();
+  system->gradient = gradient.cast<double>();
 }
 
 void SphereOutlineFitter::ReadEdge(const OutlinePixels& pixels, SphereOutline* outline) const {
@@ -234,12 +238,21 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
     expected[kOutlineEdge] = others.edge_px2;
     expect(kOutlineEdge, others.edge_sigma_px2);
   }
-  const auto linearise = [&](const Vector& at) {
-    System system = Linearise(pixels, at, shading.white);
+  const auto evaluate = [&](const Vector& at) {
+    System system = Evaluate(pixels, at, shading.white);
     const Vector missing = expected - at;
-    system.information.diagonal() += prior;
-    system.gradient += prior.cwiseProduct(missing);
     system.cost += 0.5 * missing.dot(prior.cwiseProduct(missing));
+    return system;
+  };
+  // Where evaluate() was last.
+  const auto sum = [&](const Vector& at, System* system) {
+    SumProducts(system);
+    system->information.diagonal() += prior;
+    system->gradient += prior.cwiseProduct(expected - at);
+  };
+  const auto linearise = [&](const Vector& at) {
+    System system = evaluate(at);
+    sum(at, &system);
     return system;
   };
   const auto limit = [start](Vector* at) {
@@ -285,17 +298,23 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
       if (!step.allFinite()) return false;
       Vector next = q + step;
       limit(&next);
-      System there = linearise(next);
+      const double moved_px = (next - q).head<2>().norm();
+      // What the step would gain if the cost were quadratic.
+      const double expected_gain = 0.5 * step.dot(system.gradient);
+      if (moved_px < kSettledPx && expected_gain < kSettledCost) {
+        settled = true;
+        q = next;
+        break;
+      }
+      System there = evaluate(next);
       const double gained = system.cost - there.cost;
       if (gained < -kSameCost) {
-        damping *= 8;
+        damping = std::max(kLeastRejected, 8 * damping);
         current = false;
-        // Where no step gains anything it has arrived.
-        settled = damping > 1e6;
         continue;
       }
+      sum(next, &there);
       damping = std::max(1e-6, 0.2 * damping);
-      const double moved_px = (next - q).head<2>().norm();
       settled = moved_px < kSettledPx && gained < kSettledCost;
       nearly = moved_px < kNearlyPx && gained < kNearlyCost;
       q = next;

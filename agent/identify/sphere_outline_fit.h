@@ -131,7 +131,10 @@ class SphereOutlineFitter {
   };
   // Residuals and robust weights of the model in rows_, and their sums.
   void Weigh(const OutlinePixels& pixels, System* system);
-  System Linearise(const OutlinePixels& pixels, const Vector& parameters, bool white_light);
+  // The cost of the model with these parameters.
+  System Evaluate(const OutlinePixels& pixels, const Vector& parameters, bool white_light);
+  // And its normal equations, of what was evaluated last.
+  void SumProducts(System* system);
   void ReadEdge(const OutlinePixels& pixels, SphereOutline* outline) const;
 
   float wider_loss_ = 1;  // than the usual robust loss

@@ -38,42 +38,44 @@ RIGCAL_INLINE Lanes Load(const float* from) {
 
 RIGCAL_INLINE void Store(const Lanes& lanes, float* to) { std::memcpy(to, &lanes, sizeof(lanes)); }
 
-// So many groups' rows stay in the first cache while all products are summed.
-constexpr size_t kChunk = 8;
+// So many groups' rows stay in the first cache with all sums.
+constexpr size_t kChunk = 4;
 constexpr size_t kTileHeight = 4;
 
 // Rows of derivatives, weighted, and the sums of each lane.
 struct WeightedRows {
   float rows[kChunk * kOutlineCount * kGroup];
-  float sums[kOutlineCount * (kOutlineCount + 1) * kGroup];  // by i, then by j or the residual
+  float sums[kOutlineCount * (kOutlineCount + 1) * kLanes];  // by i, then by j or the residual
 };
 
-// Adds the products of kHeight weighted rows with another row, or two, in one half of the lanes.
-// From one row to the next: kGroup values; of the other row, from one group to the next: `stride`.
+// Adds the products of kHeight weighted rows with another row, or two. From one row to the next:
+// kGroup values; of the other row, from one group to the next: `stride`.
 template <size_t kHeight, bool kTwo>
 RIGCAL_INLINE void AddTile(const float* weighted, const float* other, size_t stride, size_t groups,
                            float* sums) {
-  constexpr size_t kRow = (kOutlineCount + 1) * kGroup;  // of the sums
+  constexpr size_t kRow = (kOutlineCount + 1) * kLanes;  // of the sums
   Lanes first[kHeight], second[kHeight];
   for (size_t i = 0; i < kHeight; ++i) {
     first[i] = Load(sums + i * kRow);
-    if (kTwo) second[i] = Load(sums + i * kRow + kGroup);
+    if (kTwo) second[i] = Load(sums + i * kRow + kLanes);
   }
   for (size_t g = 0; g < groups; ++g) {
-    const Lanes one = Load(other);
-    Lanes two;
-    if (kTwo) two = Load(other + kGroup);
-    for (size_t i = 0; i < kHeight; ++i) {
-      const Lanes row = Load(weighted + i * kGroup);
-      first[i] += row * one;
-      if (kTwo) second[i] += row * two;
+    for (size_t half = 0; half < kGroup; half += kLanes) {
+      const Lanes one = Load(other + half);
+      Lanes two;
+      if (kTwo) two = Load(other + kGroup + half);
+      for (size_t i = 0; i < kHeight; ++i) {
+        const Lanes row = Load(weighted + i * kGroup + half);
+        first[i] += row * one;
+        if (kTwo) second[i] += row * two;
+      }
     }
     weighted += kOutlineCount * kGroup;
     other += stride;
   }
   for (size_t i = 0; i < kHeight; ++i) {
     Store(first[i], sums + i * kRow);
-    if (kTwo) Store(second[i], sums + i * kRow + kGroup);
+    if (kTwo) Store(second[i], sums + i * kRow + kLanes);
   }
 }
 
@@ -81,18 +83,16 @@ RIGCAL_INLINE void AddTile(const float* weighted, const float* other, size_t str
 template <size_t kHeight>
 RIGCAL_INLINE void AddBand(size_t i, const float* rows, size_t stride, const float* residual,
                            size_t groups, WeightedRows* weighted) {
-  for (size_t half = 0; half < kGroup; half += kLanes) {
-    const float* const band = weighted->rows + i * kGroup + half;
-    float* const sums = weighted->sums + i * (kOutlineCount + 1) * kGroup + half;
-    size_t j = 0;
-    for (; j + 2 <= i + kHeight; j += 2) {
-      AddTile<kHeight, true>(band, rows + j * kGroup + half, stride, groups, sums + j * kGroup);
-    }
-    if (j < i + kHeight) {
-      AddTile<kHeight, false>(band, rows + j * kGroup + half, stride, groups, sums + j * kGroup);
-    }
-    AddTile<kHeight, false>(band, residual + half, kGroup, groups, sums + kOutlineCount * kGroup);
+  const float* const band = weighted->rows + i * kGroup;
+  float* const sums = weighted->sums + i * (kOutlineCount + 1) * kLanes;
+  size_t j = 0;
+  for (; j + 2 <= i + kHeight; j += 2) {
+    AddTile<kHeight, true>(band, rows + j * kGroup, stride, groups, sums + j * kLanes);
   }
+  if (j < i + kHeight) {
+    AddTile<kHeight, false>(band, rows + j * kGroup, stride, groups, sums + j * kLanes);
+  }
+  AddTile<kHeight, false>(band, residual, kGroup, groups, sums + kOutlineCount * kLanes);
 }
 
 // Of the first kUsed parameters.
@@ -366,10 +366,11 @@ void OutlineRows::Sum(const std::vector<float>& weight, const std::vector<float>
   }
   const auto total = [&weighted](int i, int j) {
     const float* const lanes =
-        weighted.sums + static_cast<size_t>(i * (kOutlineCount + 1) + j) * kGroup;
-    float sum = 0;
-    for (size_t k = 0; k < kGroup; ++k) sum += lanes[k];
-    return sum;
+        weighted.sums + static_cast<size_t>(i * (kOutlineCount + 1) + j) * kLanes;
+    static_assert(kLanes == 8);
+    float sums[4];
+    for (size_t k = 0; k < 4; ++k) sums[k] = lanes[k] + lanes[k + 4];
+    return (sums[0] + sums[2]) + (sums[1] + sums[3]);
   };
   for (int i = 0; i < (has_all_ ? kOutlineCount : kOutlineOwnX); ++i) {
     gradient[i] = total(i, kOutlineCount);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdlib>
 #include <cstdio>
 #include <limits>
 #include <map>
@@ -201,7 +202,7 @@ void RegisterRooms() {
           ->Unit(benchmark::kMillisecond)
           ->Iterations(passes * kRooms * kFramesOfRoom);
     };
-    add("Detector", 5, RunDetector);
+    add("Detector", std::getenv("RBP") ? std::atoi(std::getenv("RBP")) : 5, RunDetector);
     add("OpenCv", 1, RunOpenCv);
   }
 }

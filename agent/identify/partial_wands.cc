@@ -24,6 +24,7 @@ constexpr double kWholePlacePx = 0.3, kWholePlaceShare = 0.03;
 constexpr double kWholeRadiusPx = 0.35, kWholeRadiusShare = 0.08;
 constexpr double kMaxPartialCost = 14;
 constexpr double kWorkOfThirds = 2500;  // in pixels, where markers are that nothing found
+constexpr double kMostThirdCost = 6;    // of a wand with such a marker
 constexpr double kSliverPairCost = 4;   // of two markers that are worth the look
 constexpr double kLongest = 1.1;        // than by radii
 constexpr double kMaxSizeCost = 9;
@@ -167,8 +168,10 @@ class PartSearch {
       const Blob disc = DiscBlob(third->place.centre_px, third->place.radius_px);
       if (fit(disc, &whole)) {
         whole.cost = whole.fit.cost + pair_cost + third->cost;
-        found_.blobs.push_back(disc);
-        found_.thirds.push_back(std::move(whole));
+        if (whole.cost < kMostThirdCost) {
+          found_.blobs.push_back(disc);
+          found_.thirds.push_back(std::move(whole));
+        }
       }
     }
     if (!best) return;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <tuple>
 
@@ -70,6 +71,7 @@ WandFinder::WandFinder(const WandFinderOptions& options, const Target& target,
     intrinsics_.cx_px = 0.5 * (size.width - 1.0);
     intrinsics_.cy_px = 0.5 * (size.height - 1.0);
   }
+  rays_ = std::make_shared<const RayTable>(intrinsics_, camera.image_size_px);
   focal_px_ = std::sqrt(intrinsics_.fx_px * intrinsics_.fy_px);
   length_m_ = std::max(target.marker_positions_m.back(), 1e-6);
   for (const double position_m : target.marker_positions_m) {
@@ -86,12 +88,11 @@ WandFinder::WandFinder(const WandFinderOptions& options, const Target& target,
 }
 
 bool WandFinder::Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) const {
-  const auto normalised = Undistort(intrinsics_, centre_px);
-  if (!normalised.ok()) return false;
-  const Eigen::Vector3d ray = normalised->homogeneous().normalized();
-  Eigen::Vector2d pixel;
+  Eigen::Vector2d normalised;
   Eigen::Matrix<double, 2, 3> d_pixel_d_ray;
-  if (!Project(intrinsics_, ray, &pixel, &d_pixel_d_ray)) return false;
+  if (!rays_->RayOf(centre_px, &normalised, &d_pixel_d_ray)) return false;
+  const Eigen::Vector3d point = normalised.homogeneous(), ray = point.normalized();
+  d_pixel_d_ray *= point.norm();
   const Eigen::Vector3d across = ray.unitOrthogonal();
   Eigen::Matrix<double, 3, 2> plane;
   plane << across, ray.cross(across);
@@ -103,7 +104,7 @@ bool WandFinder::Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) con
 }
 
 bool WandFinder::ImageOf(const Eigen::Vector3d& point, Eigen::Vector2d* pixel) const {
-  return Project(intrinsics_, point, pixel) && Undistort(intrinsics_, *pixel).ok();
+  return Project(intrinsics_, point, pixel) && rays_->HasRay(*pixel);
 }
 
 void WandFinder::ToSphereCentre(const WandImageFit& fit, size_t marker,

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "absl/container/inlined_vector.h"
 #include "absl/types/span.h"
 #include "agent/detect/blobs/blob_finder.h"
+#include "agent/identify/ray_table.h"
 #include "agent/identify/wand_image_fit.h"
 #include "common/camera/camera_description.h"
 #include "common/status/fault_list.h"
@@ -132,6 +134,7 @@ class WandFinder {
   WandFinderOptions options_;
   WandImageFitOptions fit_options_;
   Intrinsics intrinsics_;
+  std::shared_ptr<const RayTable> rays_;  // copies of a finder share it
   double focal_px_ = 1;
   double length_m_ = 1;
   std::vector<double> shares_;

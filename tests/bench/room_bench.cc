@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cstdlib>
 #include <cstdio>
 #include <limits>
 #include <map>
@@ -202,7 +201,7 @@ void RegisterRooms() {
           ->Unit(benchmark::kMillisecond)
           ->Iterations(passes * kRooms * kFramesOfRoom);
     };
-    add("Detector", std::getenv("RBP") ? std::atoi(std::getenv("RBP")) : 5, RunDetector);
+    add("Detector", 5, RunDetector);
     add("OpenCv", 1, RunOpenCv);
   }
 }

@@ -17,7 +17,7 @@ namespace {
 constexpr int kAroundBlocks = 8;
 // Than the mean, and in sigmas of a block's noise.
 constexpr double kLeastMoreGrey = 3, kMostMoreGrey = 8, kMoreNoises = 3;
-constexpr int kSampleStepPx = 16;  // of the noise
+constexpr int kSampleStepPx = 32;  // of the noise
 constexpr int kPixelsOfBlock = 4;
 
 // Each bit of the lower half twice.

@@ -4,6 +4,10 @@
 #include <algorithm>
 #include <cstring>
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 #include "agent/detect/blobs/clones.h"
 
 namespace rigcal::agent {
@@ -45,26 +49,36 @@ RIGCAL_CLONES size_t CountAtLeast(const uint8_t* values, size_t count, uint8_t l
   return sum;
 }
 
-RIGCAL_CLONES void BitsAtLeast(const uint8_t* values, size_t count, uint8_t level,
-                               uint64_t* words) {
-  constexpr uint64_t kGather = 0x0102040810204080;  // eight bytes of 0 or 1 to the highest byte
-  constexpr size_t kWord = 64;
-  for (size_t begin = 0; begin < count; begin += kWord) {
-    uint8_t taken[kWord] = {};
-    const size_t size = std::min(kWord, count - begin);
-    if (size == kWord) {
-      for (size_t i = 0; i < kWord; ++i) taken[i] = values[begin + i] >= level ? 1 : 0;
-    } else {
-      for (size_t i = 0; i < size; ++i) taken[i] = values[begin + i] >= level ? 1 : 0;
-    }
-    uint64_t word = 0;
-    for (size_t i = 0; i < kWord; i += 8) {
-      uint64_t eight = 0;
-      for (size_t k = 0; k < 8; ++k) eight |= uint64_t{taken[i + k]} << (8 * k);
-      word |= (eight * kGather >> 56) << i;
-    }
-    words[begin / kWord] = word;
+namespace {
+
+constexpr size_t kWord = 64;
+
+// Of 64 values; bit i is value i.
+inline uint64_t WordAtLeast(const uint8_t* values, uint8_t level) {
+  uint64_t word = 0;
+#if defined(__SSE2__)  // gcc 12 does not find these instructions
+  const __m128i least = _mm_set1_epi8(static_cast<char>(level));
+  for (size_t i = 0; i < kWord; i += 16) {
+    const __m128i own = _mm_loadu_si128(reinterpret_cast<const __m128i*>(values + i));
+    const __m128i reached = _mm_cmpeq_epi8(_mm_max_epu8(own, least), own);
+    word |= uint64_t{static_cast<uint16_t>(_mm_movemask_epi8(reached))} << i;
   }
+#else
+  for (size_t i = 0; i < kWord; ++i) word |= uint64_t{values[i] >= level} << i;
+#endif
+  return word;
+}
+
+}  // namespace
+
+void BitsAtLeast(const uint8_t* values, size_t count, uint8_t level, uint64_t* words) {
+  const size_t whole = count / kWord;
+  for (size_t i = 0; i < whole; ++i) words[i] = WordAtLeast(values + kWord * i, level);
+  const size_t left = count % kWord;
+  if (left == 0) return;
+  uint8_t last[kWord] = {};
+  std::memcpy(last, values + kWord * whole, left);
+  words[whole] = WordAtLeast(last, level) & (~uint64_t{0} >> (kWord - left));
 }
 
 }  // namespace rigcal::agent

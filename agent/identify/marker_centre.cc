@@ -163,27 +163,33 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture, 
   std::ranges::fill(gain_, 0.0f);
   std::ranges::fill(foreign_, uint8_t{0});
   std::ranges::fill(arc_of_, uint16_t{0});
-  ForEllipse(window_, aperture.centre_px, reach_,
-             [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
-               if (d.dot(reach_ * d) > 1) return;
-               size_t arc = 0;
-               const Eigen::Vector3f background = background_.At(d, &arc);
-               const Eigen::Vector3f range = plateau - background;
-               const float squared = std::max(range.squaredNorm(), least * least);
-               const Eigen::Vector3f above = GreyAt(image, x, y) - background;
-               const float share = above.dot(range) / squared;
-               share_[i] = share;
-               foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
-               if ((above - share * range).squaredNorm() > strange * strange)
-                 foreign_[i] |= kOtherColour;
-               if (by_colour) colour_share_[i] = ColourShare(above, range, least_colour, strange);
-               const float counted =
-                   ((is_half_white_ ? colour_share_[i] : share) - kFree) / (kCovered - kFree);
-               coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
-               const float grey = is_half_white_ ? ColourOf(range).norm() : std::sqrt(squared);
-               gain_[i] = counted > 0 && counted < 1 ? 1 / (grey * (kCovered - kFree)) : 0;
-               arc_of_[i] = static_cast<uint16_t>(arc);
-             });
+  const auto cover = [&](size_t i, int x, int y, float turn) {
+    size_t arc = 0;
+    const Eigen::Vector3f background = background_.At(turn, &arc);
+    const Eigen::Vector3f range = plateau - background;
+    const float squared = std::max(range.squaredNorm(), least * least);
+    const Eigen::Vector3f above = GreyAt(image, x, y) - background;
+    const float share = above.dot(range) / squared;
+    share_[i] = share;
+    foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
+    if ((above - share * range).squaredNorm() > strange * strange) foreign_[i] |= kOtherColour;
+    if (by_colour) colour_share_[i] = ColourShare(above, range, least_colour, strange);
+    const float counted =
+        ((is_half_white_ ? colour_share_[i] : share) - kFree) / (kCovered - kFree);
+    coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
+    const float grey = is_half_white_ ? ColourOf(range).norm() : std::sqrt(squared);
+    gain_[i] = counted > 0 && counted < 1 ? 1 / (grey * (kCovered - kFree)) : 0;
+    arc_of_[i] = static_cast<uint16_t>(arc);
+  };
+  ForEllipseRows(window_, aperture.centre_px, reach_, [&](const GridRow& row) {
+    Eigen::Vector2d d(row.x - aperture.centre_px.x(), row.y - aperture.centre_px.y());
+    background_.TurnsOf(d, window_.step, row.count, &turns_);
+    for (int i = 0; i < row.count; ++i, d.x() += window_.step) {
+      if (d.dot(reach_ * d) > 1) continue;
+      const auto at = static_cast<size_t>(i);
+      cover(row.number + at, row.x + i * window_.step, row.y, turns_[at]);
+    }
+  });
   return true;
 }
 

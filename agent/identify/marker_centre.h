@@ -123,6 +123,7 @@ class MarkerMeter {
   std::vector<uint16_t> arc_of_;  // of the window
   // By arc and channel, one sigma of the background behind a pixel.
   std::vector<Eigen::Vector3f> unsure_grey_;
+  std::vector<float> turns_;         // of a row of pixels
   std::vector<float> share_;         // of the window: coverage, not clipped
   std::vector<float> colour_share_;  // of the window: the same by colour without white
   Eigen::Matrix2d reach_ = Eigen::Matrix2d::Identity();  // what of the window is filled

@@ -16,9 +16,9 @@ namespace {
 constexpr double kLeastUnsaturated = 0.25, kLeastUnsaturatedGrey = 40;
 constexpr double kLeastEvenGrey = 15, kLeastEvenNoises = 8, kLeastEvenSteps = 8;
 constexpr double kModelNoise = 0.015;  // of the outline's model, in units of coverage
-constexpr int kMosaicTries = 3;        // of an image
-constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
-constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
+constexpr int kMosaicTries = 3;         // of an image
+constexpr double kMosaicNoise = 1.3;    // of a measured channel against the mean of all pixels
+constexpr double kLeastChannel = 0.2;   // contrast of a channel, of the whole
 constexpr float kMostWhite = 6;
 constexpr double kColourNoise = 1.5;  // interpolated channels share theirs
 constexpr double kLeastColourNoises = 3;
@@ -31,6 +31,9 @@ constexpr double kBesideNoise = 0.03;
 // One sigma of the background behind a pixel there, per step to the next arc: the border between
 // two things is anywhere, and not where the ring says.
 constexpr float kUnsureStep = 1.5f;
+
+// Of the sum of two squares; std::hypot also does what is too large to be squared.
+float Root(float a, float b) { return std::sqrt(a * a + b * b); }
 
 struct UsedChannels {
   Eigen::Vector3f used = Eigen::Vector3f::Ones();  // 1, or 0 for those that are left out
@@ -109,57 +112,63 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
       2 * std::numbers::pi * aperture.a * (std::min(kRimPx, aperture.b) + how.reach_px);
   const double step = std::max(1.0, rim / kEnoughPixels / (how.window.step * how.window.step));
   double turn = 0;
-  ForEllipse(how.window, aperture.centre_px, outside,
-             [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
-               if (d.dot(outside * d) > 1 || (!how.near && arcs[arc_of_[i]].blocked)) return;
-               turn += large && d.dot(inside * d) < 1 ? 1 / kInsideStep : 1;
-               if (turn < step) return;
-               turn -= step;
-               const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
-               if (!mosaic_ && !how.near && used.minCoeff() > 0) {
-                 pixels->Add(at_x, at_y, share_[i], precision);
-                 return;
-               }
-               size_t arc = 0;
-               const Eigen::Vector3f background = how.background.At(d, &arc);
-               const Eigen::Vector3f above = GreyAt(image, x, y) - background;
-               Eigen::Vector3f range = plateau - background;
-               Eigen::Vector3f unsure = Eigen::Vector3f::Zero();
-               if (how.near) {
-                 // As much of the background is seen here.
-                 const double out_px = (std::sqrt(d.dot(aperture.shape * d)) - 1) * aperture.b;
-                 const double seen = std::clamp(0.5 + 0.5 * out_px, 0.0, 1.0);
-                 unsure = static_cast<float>(seen) * unsure_grey_[arc];
-               }
-               if (how.by_colour) {
-                 const Eigen::Vector3f colour = ColourOf(range);
-                 const float squared = colour.squaredNorm();
-                 if (squared < least_colour * least_colour) return;
-                 pixels->Add(at_x, at_y, above.dot(colour) / squared,
-                             1 / std::hypot(colour_noise / std::sqrt(squared), model_noise), 1,
-                             background.maxCoeff() >= kSaturatedGrey,
-                             ColourOf(unsure).norm() / std::sqrt(squared));
-                 return;
-               }
-               if (!mosaic_) {
-                 range = range.cwiseProduct(used);
-                 const float squared = range.squaredNorm();
-                 if (squared < least * least) return;
-                 pixels->Add(at_x, at_y, above.dot(range) / squared,
-                             1 / std::hypot(single_noise / std::sqrt(squared), model_noise), 1,
-                             background.cwiseProduct(used).maxCoeff() >= kSaturatedGrey,
-                             unsure.cwiseProduct(used).norm() / std::sqrt(squared));
-                 return;
-               }
-               const int channel = mosaic_->Channel(x, y);
-               if (!(used[channel] > 0)) return;
-               if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
-               pixels->Add(at_x, at_y, above[channel] / range[channel],
-                           1 / std::hypot(single_noise / range[channel], model_noise),
-                           std::clamp(range.maxCoeff() / range[channel], -kMostWhite, kMostWhite),
-                           background[channel] >= kSaturatedGrey,
-                           unsure[channel] / std::abs(range[channel]));
-             });
+  const auto add = [&](size_t i, int x, int y, const Eigen::Vector2d& d, float direction) {
+    if (d.dot(outside * d) > 1 || (!how.near && arcs[arc_of_[i]].blocked)) return;
+    turn += large && d.dot(inside * d) < 1 ? 1 / kInsideStep : 1;
+    if (turn < step) return;
+    turn -= step;
+    const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
+    if (!mosaic_ && !how.near && used.minCoeff() > 0) {
+      pixels->Add(at_x, at_y, share_[i], precision);
+      return;
+    }
+    size_t arc = 0;
+    const Eigen::Vector3f background = how.background.At(direction, &arc);
+    const Eigen::Vector3f above = GreyAt(image, x, y) - background;
+    Eigen::Vector3f range = plateau - background;
+    Eigen::Vector3f unsure = Eigen::Vector3f::Zero();
+    if (how.near) {
+      // As much of the background is seen here.
+      const double out_px = (std::sqrt(d.dot(aperture.shape * d)) - 1) * aperture.b;
+      const double seen = std::clamp(0.5 + 0.5 * out_px, 0.0, 1.0);
+      unsure = static_cast<float>(seen) * unsure_grey_[arc];
+    }
+    if (how.by_colour) {
+      const Eigen::Vector3f colour = ColourOf(range);
+      const float squared = colour.squaredNorm();
+      if (squared < least_colour * least_colour) return;
+      pixels->Add(at_x, at_y, above.dot(colour) / squared,
+                  1 / Root(colour_noise / std::sqrt(squared), model_noise), 1,
+                  background.maxCoeff() >= kSaturatedGrey,
+                  ColourOf(unsure).norm() / std::sqrt(squared));
+      return;
+    }
+    if (!mosaic_) {
+      range = range.cwiseProduct(used);
+      const float squared = range.squaredNorm();
+      if (squared < least * least) return;
+      pixels->Add(at_x, at_y, above.dot(range) / squared,
+                  1 / Root(single_noise / std::sqrt(squared), model_noise), 1,
+                  background.cwiseProduct(used).maxCoeff() >= kSaturatedGrey,
+                  unsure.cwiseProduct(used).norm() / std::sqrt(squared));
+      return;
+    }
+    const int channel = mosaic_->Channel(x, y);
+    if (!(used[channel] > 0)) return;
+    if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
+    pixels->Add(at_x, at_y, above[channel] / range[channel],
+                1 / Root(single_noise / range[channel], model_noise),
+                std::clamp(range.maxCoeff() / range[channel], -kMostWhite, kMostWhite),
+                background[channel] >= kSaturatedGrey, unsure[channel] / std::abs(range[channel]));
+  };
+  ForEllipseRows(how.window, aperture.centre_px, outside, [&](const GridRow& row) {
+    Eigen::Vector2d d(row.x - aperture.centre_px.x(), row.y - aperture.centre_px.y());
+    how.background.TurnsOf(d, how.window.step, row.count, &turns_);
+    for (int k = 0; k < row.count; ++k, d.x() += how.window.step) {
+      const auto at = static_cast<size_t>(k);
+      add(row.number + at, row.x + k * how.window.step, row.y, d, turns_[at]);
+    }
+  });
   pixels->FillUp();
 }
 

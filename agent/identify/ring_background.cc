@@ -15,6 +15,7 @@
 #include <emmintrin.h>
 #endif
 
+#include "agent/detect/blobs/clones.h"
 #include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
@@ -99,11 +100,43 @@ double NoiseSigma(const GreyCounts& residuals) {
                                  (0.9 * static_cast<double>(std::max(int64_t{1}, count)))));
 }
 
+// Directions of a row's pixels, 0 to `all`.
+RIGCAL_CLONES void WriteTurns(float x, float y, int step, int count, float all,
+                              float* __restrict turns) {
+  constexpr auto kPi = std::numbers::pi_v<float>;
+  const float ay = y < 0 ? -y : y;
+  const float turn = 0.5f / kPi * all;
+  for (int i = 0; i < count; ++i) {
+    const auto at = x + static_cast<float>(i * step);
+    const float ax = at < 0 ? -at : at;
+    const float low = ax < ay ? ax : ay, high = ax < ay ? ay : ax;
+    // atan to 1e-4 rad: arcs are a hundred times as long.
+    const float t = low / (high + 1e-20f), t2 = t * t;
+    const float below_45 =
+        t *
+        (0.99997726f +
+         t2 * (-0.33262347f +
+               t2 * (0.19354346f + t2 * (-0.11643287f + t2 * (0.05265332f - t2 * 0.01172120f)))));
+    const float quarter = ay > ax ? 0.5f * kPi - below_45 : below_45;
+    const float half = at < 0 ? kPi - quarter : quarter;
+    const float angle = y < 0 ? -half : half;
+    const float own = angle * turn + 0.5f * all;
+    turns[i] = own < 0 ? 0 : own > all ? all : own;
+  }
+}
+
 Eigen::Vector3f ToVector(const std::array<uint8_t, 3>& grey) {
   return {static_cast<float>(grey[0]), static_cast<float>(grey[1]), static_cast<float>(grey[2])};
 }
 
 }  // namespace
+
+void RingBackground::TurnsOf(const Eigen::Vector2d& offset, int step, int count,
+                             std::vector<float>* turns) const {
+  turns->resize(std::max(turns->size(), static_cast<size_t>(count)));
+  WriteTurns(static_cast<float>(offset.x()), static_cast<float>(offset.y()), step, count,
+             static_cast<float>(arcs_.size()), turns->data());
+}
 
 // Arcs overlap: a pixel near an end also counts for the neighbour.
 template <typename Visit>
@@ -126,14 +159,39 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
               static_cast<int>(std::numbers::pi * (aperture.b + where.from_px) / where.arc_px),
               kMinArcs / 2, kMaxArcs / 2);
   arcs_.assign(static_cast<size_t>(count), Arc());
-  const auto turns = static_cast<float>(count);
   pixels_.clear();
   const bool is_mono = image.format == PixelFormat::kMono8;
-  ForEllipse(window, aperture.centre_px, edge, [&](size_t, int x, int y, const Eigen::Vector2d& d) {
-    if (d.dot(ring * d) <= 1 || d.dot(edge * d) >= 1) return;
-    const uint8_t* const pixel = image.Row(y) + (is_mono ? x : 3 * x);
-    RingPixel& read = pixels_.emplace_back(RingPixel{TurnOf(d, turns), {pixel[0], 0, 0}});
-    if (!is_mono) read.grey = {pixel[0], pixel[1], pixel[2]};
+  const auto read_row = [&](const GridRow& row, const Eigen::Vector2d& offset) {
+    TurnsOf(offset, window.step, row.count, &turns_);
+    const uint8_t* pixel = image.Row(row.y) + (is_mono ? row.x : 3 * row.x);
+    Eigen::Vector2d d = offset;
+    for (int i = 0; i < row.count; ++i) {
+      if (d.dot(ring * d) > 1 && d.dot(edge * d) < 1) {
+        RingPixel& own =
+            pixels_.emplace_back(RingPixel{turns_[static_cast<size_t>(i)], {pixel[0], 0, 0}});
+        if (!is_mono) own.grey = {pixel[0], pixel[1], pixel[2]};
+      }
+      d.x() += window.step;
+      pixel += (is_mono ? 1 : 3) * window.step;
+    }
+  };
+  // What is inside of the ring is left out.
+  const double inner_per_a = 1 / ring(0, 0), inner_determinant = ring.determinant();
+  ForEllipseRows(window, aperture.centre_px, edge, [&](const GridRow& row) {
+    const Eigen::Vector2d offset(row.x - aperture.centre_px.x(), row.y - aperture.centre_px.y());
+    const double squared =
+        (ring(0, 0) - inner_determinant * offset.y() * offset.y()) * inner_per_a * inner_per_a;
+    const double half = std::sqrt(std::max(0.0, squared));
+    const double middle = -ring(0, 1) * inner_per_a * offset.y() - offset.x();
+    const int left = std::clamp(static_cast<int>((middle - half) / window.step) + 2, 0, row.count);
+    const int right = static_cast<int>((middle + half) / window.step);
+    if (!(squared > 0) || right <= left) return read_row(row, offset);
+    read_row({row.number, row.x, row.y, left}, offset);
+    if (right >= row.count) return;
+    const int skipped_px = right * window.step;
+    read_row(
+        {row.number + static_cast<size_t>(right), row.x + skipped_px, row.y, row.count - right},
+        offset + Eigen::Vector2d(skipped_px, 0));
   });
   if (pixels_.size() < kMinRingPixels) return false;
   const size_t channels = is_mono ? 1 : 3;

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <numbers>
 #include <vector>
 
 #include "agent/detect/blobs/image_view.h"
@@ -48,11 +47,18 @@ struct PixelGrid {
 // Without white: what is left of grey levels by channel.
 inline Eigen::Vector3f ColourOf(const Eigen::Vector3f& grey) { return grey.array() - grey.mean(); }
 
-// Calls visit(number, x, y, offset from `centre_px`) for every pixel of the grid in the ellipse
-// d^T shape d <= 1 about `centre_px`, and for a few right beside it, row by row.
+// Pixels of a grid side by side.
+struct GridRow {
+  size_t number;  // of the first one, in the grid
+  int x, y;       // of the first one
+  int count;
+};
+
+// Calls visit(row) for the pixels of each row of the grid in the ellipse d^T shape d <= 1 about
+// `centre_px`, and for a few right beside it.
 template <typename Visit>
-void ForEllipse(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
-                const Eigen::Matrix2d& shape, Visit visit) {
+void ForEllipseRows(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
+                    const Eigen::Matrix2d& shape, Visit visit) {
   const PixelRect& window = grid.rect;
   const int columns = (window.width + grid.step - 1) / grid.step;
   const double per_a = 1 / shape(0, 0), per_step = 1.0 / grid.step;
@@ -68,11 +74,23 @@ void ForEllipse(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
     const double middle = centre_px.x() - shape(0, 1) * per_a * dy - window.x;
     const int first = std::max(0, static_cast<int>((middle - half) * per_step) - 1);
     const int last = std::min(columns - 1, static_cast<int>((middle + half) * per_step) + 1);
-    int x = window.x + first * grid.step;
-    for (int i = first; i <= last; ++i, x += grid.step) {
-      visit(before + static_cast<size_t>(i), x, y, Eigen::Vector2d(x - centre_px.x(), dy));
-    }
+    if (first > last) continue;
+    visit(GridRow{before + static_cast<size_t>(first), window.x + first * grid.step, y,
+                  last - first + 1});
   }
+}
+
+// Calls visit(number, x, y, offset from `centre_px`) for each of them, row by row.
+template <typename Visit>
+void ForEllipse(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
+                const Eigen::Matrix2d& shape, Visit visit) {
+  ForEllipseRows(grid, centre_px, shape, [&](const GridRow& row) {
+    int x = row.x;
+    for (int i = 0; i < row.count; ++i, x += grid.step) {
+      visit(row.number + static_cast<size_t>(i), x, row.y,
+            Eigen::Vector2d(x - centre_px.x(), row.y - centre_px.y()));
+    }
+  });
 }
 
 // The background around a marker: medians over short arcs of a ring, so that patches of different
@@ -97,10 +115,14 @@ class RingBackground {
   bool Read(const ImageView& image, const MarkerAperture& aperture, const PixelGrid& window,
             const Eigen::Vector3f& plateau_grey, const Ring& ring, double* noise_grey);
 
-  // The background behind a pixel, between the two arcs next to its direction, and the nearer of
-  // them. `offset`: of the pixel from the aperture's centre.
-  Eigen::Vector3f At(const Eigen::Vector2d& offset, size_t* arc) const {
-    const float turn = TurnOf(offset, static_cast<float>(arcs_.size())) - 0.5f;
+  // The directions of the pixels of a row, 0 to the number of arcs. `offset`: of the first one from
+  // the aperture's centre; `step`: from one to the next.
+  void TurnsOf(const Eigen::Vector2d& offset, int step, int count, std::vector<float>* turns) const;
+
+  // The background behind a pixel in a direction (TurnsOf), between the two arcs next to it, and
+  // the nearer of them.
+  Eigen::Vector3f At(float direction, size_t* arc) const {
+    const float turn = direction - 0.5f;
     const auto low = static_cast<int>(turn + 1) - 1;  // turn is -0.5 or more
     const float share = turn - static_cast<float>(low);
     const size_t first = low < 0 ? arcs_.size() - 1 : static_cast<size_t>(low);
@@ -129,31 +151,13 @@ class RingBackground {
     std::array<uint8_t, 3> grey;
   };
 
-  // Direction of `d`, 0 to `turns`.
-  static float TurnOf(const Eigen::Vector2d& d, float turns) {
-    // atan to 1e-4 rad: arcs are a hundred times as long.
-    const auto x = static_cast<float>(d.x()), y = static_cast<float>(d.y());
-    const float ax = std::abs(x), ay = std::abs(y);
-    const float low = std::min(ax, ay), high = std::max(ax, ay);
-    const float t = high > 0 ? low / high : 0, t2 = t * t;
-    float angle =
-        t *
-        (0.99997726f +
-         t2 * (-0.33262347f +
-               t2 * (0.19354346f + t2 * (-0.11643287f + t2 * (0.05265332f - t2 * 0.01172120f)))));
-    constexpr auto kPi = std::numbers::pi_v<float>;
-    if (ay > ax) angle = 0.5f * kPi - angle;
-    if (x < 0) angle = kPi - angle;
-    if (y < 0) angle = -angle;
-    return std::clamp((angle / (2 * kPi) + 0.5f) * turns, 0.0f, turns);
-  }
-
   // Calls visit(arc) for the arc of a pixel and the neighbour that it also counts for.
   template <typename Visit>
   void ForArcsOf(const RingPixel& pixel, Visit visit) const;
 
   std::vector<Arc> arcs_;
   std::vector<RingPixel> pixels_;
+  std::vector<float> turns_;                   // of a row's pixels
   std::vector<size_t> ends_;                   // of the arcs in greys_
   std::array<std::vector<uint8_t>, 3> greys_;  // of the pixels, by channel, arc after arc
 };

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kUsualBlinkHz = 500;
 
-constexpr int kStep = 8, kCoarseStep = 16;
+constexpr int kStep = 16;
 constexpr int kBlackGrey = 24;
 constexpr int kSaturatedGrey = 250;
 
@@ -57,9 +57,9 @@ double WhiteShare(const ImageView& image, int least_grey) {
 double LitShare(const ImageView& image) {
   const int bytes = BytesPerPixel(image.format);
   int64_t looked_at = 0, lit = 0;
-  for (int y = 0; y < image.height; y += kCoarseStep) {
+  for (int y = 0; y < image.height; y += kStep) {
     const uint8_t* const row = image.Row(y);
-    for (int x = 0; x < image.width; x += kCoarseStep) {
+    for (int x = 0; x < image.width; x += kStep) {
       const uint8_t* const pixel = row + x * bytes;
       ++looked_at;
       lit += LargestChannel(pixel, bytes) >= kBlackGrey ? 1 : 0;

@@ -15,9 +15,9 @@ namespace rigcal::agent {
 namespace {
 
 // Widths of the edge, per relative slope of the light: blur hides how light changes near the rim.
-constexpr double kShadingError = 0.07;
+constexpr double kShadingError = 0.05;
 // The same along the light: of Lambert's law, and of a polynomial in its place.
-constexpr double kWhiteError = 0.02, kNoWhiteError = 0.3, kAcrossWhiteError = 0.01;
+constexpr double kWhiteError = 0.006, kNoWhiteError = 0.3, kAcrossWhiteError = 0.004;
 constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 // The same of light that is clipped, whose slope is not seen: where it is brighter, the edge at
 // half of the clipped light is further out.
@@ -29,10 +29,10 @@ constexpr double kNearGap = 3, kNearPx = 0.05, kOverlapShare = 0.025;
 // Where spheres have much less noise than what is around them, that is textured, and so is the half
 // of an edge's pixels that is background: of the variance of the ring around them.
 constexpr double kLeastEdgeNoise = 0.55;
-constexpr double kPlacePerEdge = 2.5 * 2 / kOutlineSectors;  // variances, of all sectors
-constexpr double kBackgroundPx = 0.2;  // of the edge, per step of the background over the contrast
-constexpr double kNeighbourPx = 0.05;  // of the edge, where something else is near
-constexpr double kBesideError = 0.9;   // of what the background right beside it moved a centre
+constexpr double kPlacePerEdge = 1.0 * 2 / kOutlineSectors;  // variances, of all sectors
+constexpr double kBackgroundError = 0.22;  // widths of an edge, per step behind over the contrast
+constexpr double kNeighbourPx = 0.05;      // of the edge, where something else is near
+constexpr double kBesideError = 0.75;       // of what the background right beside it moved a centre
 // Of arcs: sectors that are known, of which the stick takes some; the radius that is enough of what
 // is expected; how far a clear gap's edges are off an ellipse, chi-squared.
 constexpr int kLeastKnown = 6, kFewKnown = 9;
@@ -40,11 +40,11 @@ constexpr double kLeastOfWhole = 0.97, kNearlyWhole = 0.9;
 constexpr double kClearGap = 150;
 // Of what an arc moves the centre, and of what one that is not taken would.
 constexpr double kMovedError = 0.15, kDoubtError = 0.4;
-constexpr double kArcError = 0.1, kAloneError = 0.2;  // radii
+constexpr double kArcError = 0.045, kAloneError = 0.2;  // radii
 // Radii, and pixels: less is known of one that is as good as hidden.
 constexpr double kMostSigma = 0.33, kMostSigmaPx = 2;
 constexpr int kNotch = 2;                              // sectors that the stick takes
-constexpr double kOddPx = 0.04, kOddError = 1;         // of the place, per error of the radius
+constexpr double kOddPx = 0.04, kOddError = 0.6;       // of the place, per error of the radius
 constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
 // Of the slopes' variance by noise, over the root of their number.
 constexpr double kUnknownSlope = 0.5;
@@ -223,8 +223,9 @@ class OutlinedCentres {
     }
     centre.centre_px = outline.centre_px;
     // Of the sectors' mean, by what the background behind them may be.
-    const double background_px2 = std::max(Squared(kBackgroundPx * centre.background_steps),
-                                           centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
+    const double background_px2 =
+        std::max(Squared(kBackgroundError * outline.edge_px * centre.background_steps),
+                 centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
     double noise = std::max(scatters_[k].noise, kLeastEdgeNoise);
     if (markers_[k].pixels->by_colour) noise *= kSharedNoise;
     centre.covariance_px2 = noise / outline.follows * outline.covariance_px2 +

@@ -12,7 +12,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kLeastCellPx = 32, kMostCells = 64;  // along the longer side
-constexpr int kBeyondCells = 2;  // of the image, on each side: markers that its border cuts
+constexpr int kBeyondCells = 2;      // of the image, on each side: markers that its border cuts
 constexpr double kMostStepPx = 0.1;  // of which a square is left
 
 }  // namespace

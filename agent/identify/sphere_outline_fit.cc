@@ -348,6 +348,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   start->slope_covariance =
       covariance.block<2, 2>(kOutlineSlopeX, kOutlineSlopeX) / (brightness * brightness);
   start->cost = system.cost;
+  start->mean_cost = system.cost / static_cast<double>(pixels.size());
   start->white = shading.white;
   start->by_colour = pixels.by_colour;
   start->by_others = others.radius_px > 0;

@@ -55,6 +55,7 @@ struct SphereOutline {
   double follows = 1;
   double pixel_noise = 1;
   double cost = 0;         // of the fit, robust, half a chi-squared
+  double mean_cost = 0;    // the same of a pixel
   bool white = false;      // SphereShading::white
   bool by_colour = false;  // OutlinePixels::by_colour
   bool by_others = false;  // with an OutlineExpectation of its radius

@@ -14,7 +14,7 @@ constexpr double kMargin = 8;  // in cost, of a wand against the next best
 constexpr double kFlippedMargin = 2.2;
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
-constexpr double kOccludedOdds = 1.55;  // of a wand with a marker that is not whole, to others'
+constexpr double kOccludedOdds = 2.5;  // of a wand with a marker that is not whole, to others'
 
 // By all that is known of it: something else of little cost has evidence against it.
 double CostOfAll(const VerifiedWand& wand) { return wand.cost - wand.evidence; }

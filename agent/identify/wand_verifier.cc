@@ -49,7 +49,8 @@ constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostMisfit =
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 // Of the other two outlines, where the third marker was measured and is not whole.
 constexpr double kHiddenEvidence = 0.75;
-constexpr double kRowEvidence = 4;  // against a wand in a row of things that look like it
+constexpr double kMostMeanCost = 1.5;  // of a pixel of theirs; corners are outliers
+constexpr double kRowEvidence = 4;     // against a wand in a row of things that look like it
 // The same for each of such things near by, up to a few: grain of wood, leaves, labels. Hardly a
 // wand has two of them near by; most of what such things make look like a wand has four and more.
 constexpr double kAlikePartEvidence = 5, kAlikeEvidence = 1;
@@ -282,6 +283,7 @@ double WandVerifier::EvidenceOfOutlines(const ImageView& image, const VerifiedWa
     // Few large things are round, and dim spheres fit no better, by their noise.
     const bool is_likely = is_whole && wand.centres[k].radius_px > kResolvedPx;
     matches.back() = {is_likely ? 0 : Misfit(wand.centres[k], *outline), outline->off_outline};
+    if (!is_whole) matches.back().misfit += std::max(0.0, outline->mean_cost - kMostMeanCost);
   }
   if (wand.has_part) return OutlineEvidence(matches);
   return ColourEvidence(wand) +

@@ -63,7 +63,7 @@ TEST(ChooseWand, WithAMarkerThatIsNotWholeItMustBeMoreConfident) {
     EXPECT_TRUE(ChooseWand(least, &wands).wand.has_value()) << least;
     wand.whole[1] = false;
     EXPECT_EQ(ChooseWand(least, &wands).wand.has_value(), least == 0 || least == 1) << least;
-    wand.confidence = least + 0.3 * (1 - least);
+    wand.confidence = least + 0.5 * (1 - least);
     EXPECT_TRUE(ChooseWand(least, &wands).wand.has_value()) << least;
   }
 }

@@ -7,7 +7,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr double kMsOfWork = 110e-6, kMsOfFit = 2500e-6;
-constexpr double kMostMs = 4.9;
+constexpr double kMostMs = 5.1;
 
 }  // namespace
 

@@ -32,7 +32,7 @@ constexpr double kLeastEdgeNoise = 0.55;
 constexpr double kPlacePerEdge = 1.0 * 2 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundError = 0.22;  // widths of an edge, per step behind over the contrast
 constexpr double kNeighbourPx = 0.05;      // of the edge, where something else is near
-constexpr double kBesideError = 0.75;       // of what the background right beside it moved a centre
+constexpr double kBesideError = 0.75;      // of what the background right beside it moved a centre
 // Of arcs: sectors that are known, of which the stick takes some; the radius that is enough of what
 // is expected; how far a clear gap's edges are off an ellipse, chi-squared.
 constexpr int kLeastKnown = 6, kFewKnown = 9;

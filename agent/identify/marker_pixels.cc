@@ -16,9 +16,9 @@ namespace {
 constexpr double kLeastUnsaturated = 0.25, kLeastUnsaturatedGrey = 40;
 constexpr double kLeastEvenGrey = 15, kLeastEvenNoises = 8, kLeastEvenSteps = 8;
 constexpr double kModelNoise = 0.015;  // of the outline's model, in units of coverage
-constexpr int kMosaicTries = 3;         // of an image
-constexpr double kMosaicNoise = 1.3;    // of a measured channel against the mean of all pixels
-constexpr double kLeastChannel = 0.2;   // contrast of a channel, of the whole
+constexpr int kMosaicTries = 3;        // of an image
+constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
+constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
 constexpr float kMostWhite = 6;
 constexpr double kColourNoise = 1.5;  // interpolated channels share theirs
 constexpr double kLeastColourNoises = 3;

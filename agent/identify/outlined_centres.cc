@@ -29,10 +29,10 @@ constexpr double kNearGap = 3, kNearPx = 0.05, kOverlapShare = 0.025;
 // Where spheres have much less noise than what is around them, that is textured, and so is the half
 // of an edge's pixels that is background: of the variance of the ring around them.
 constexpr double kLeastEdgeNoise = 0.55;
-constexpr double kPlacePerEdge = 1.0 * 2 / kOutlineSectors;  // variances, of all sectors
+constexpr double kPlacePerEdge = 2.0 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundError = 0.22;  // widths of an edge, per step behind over the contrast
 constexpr double kNeighbourPx = 0.05;      // of the edge, where something else is near
-constexpr double kBesideError = 0.75;      // of what the background right beside it moved a centre
+constexpr double kBesideError = 0.9;       // of what the background right beside it moved a centre
 // Of arcs: sectors that are known, of which the stick takes some; the radius that is enough of what
 // is expected; how far a clear gap's edges are off an ellipse, chi-squared.
 constexpr int kLeastKnown = 6, kFewKnown = 9;

@@ -350,12 +350,14 @@ TEST(SetOutlinedCentres, WithoutOutlinesWhatHidesOneMarkerMayHideTheOthers) {
 TEST(SetOutlinedCentres, WhatIsBesideASphereWidensItsCovariance) {
   ThreeSpheres alone(-100), beside(-100);
   ASSERT_TRUE(alone.fitted_);
-  // Its background is not the same everywhere.
+  // Its background is not the same everywhere: one sigma of 0.22 * 0.2 widths of the edge, which
+  // has one of 0.7 px, for each of eight independent edges.
   for (MarkerCentre& centre : beside.wand_.centres) centre.background_steps = 0.2;
   alone.SetCentres();
   beside.SetCentres();
-  EXPECT_GT(beside.wand_.centres[0].covariance_px2.trace(),
-            4 * alone.wand_.centres[0].covariance_px2.trace());
+  const double widened_px2 = beside.wand_.centres[0].covariance_px2.trace() -
+                             alone.wand_.centres[0].covariance_px2.trace();
+  EXPECT_NEAR(std::sqrt(0.5 * widened_px2), 0.22 * 0.2 * 0.7 / std::sqrt(8), 0.002);
 }
 
 // Lit by the spheres, dark or of the background's colour: a stick tells nothing, but of an arc.

@@ -50,6 +50,7 @@ constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 // Of the other two outlines, where the third marker was measured and is not whole.
 constexpr double kHiddenEvidence = 0.75;
 constexpr double kMostMeanCost = 1.5;  // of a pixel of theirs; corners are outliers
+constexpr double kCornerCost = 15;     // per unit above
 constexpr double kRowEvidence = 4;     // against a wand in a row of things that look like it
 // The same for each of such things near by, up to a few: grain of wood, leaves, labels. Hardly a
 // wand has two of them near by; most of what such things make look like a wand has four and more.
@@ -252,6 +253,10 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
       continue;
     }
     if (outline->by_others) cost += kByOthersCost;
+    // Three such things hardly fit a wand's pose, two do. (In a lit room: EvidenceOfOutlines.)
+    if (!in_room_ && wand.OccludedCount() > 0) {
+      cost += kCornerCost * std::max(0.0, outline->mean_cost - kMostMeanCost);
+    }
     const double misfit = Squared(std::max(0.0, Misfit(centre, *outline) - 1) / kResidualSigma);
     // The stick, or its shadow, in front of a sphere that is round everywhere else.
     const bool is_round =

@@ -197,6 +197,32 @@ TEST(PartialWand, TwoSmallSpheresAreKnownByTheirOutlines) {
   EXPECT_FALSE(FindsTwoAndAHalf(true));
 }
 
+// In a dark room two spheres, or squares of a chessboard, and the edge of something that has their
+// colour.
+bool FindsTwoInTheDark(bool square) {
+  RenderedWand scene{FrameRenderOptions()};
+  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.2, 0.1, 1.7}, {1, 0.3, 0.1}));
+  for (const size_t k : {size_t{1}, size_t{2}}) {
+    if (!square) break;
+    const Eigen::Vector2d& at = truth.markers[k].centre_px;
+    const int half = static_cast<int>(std::lround(0.9 * truth.markers[k].radius_px));
+    scene.Fill(static_cast<int>(std::lround(at.x())) - 2 * half,
+               static_cast<int>(std::lround(at.y())) - 2 * half, 4 * half, 4 * half, 2, 2, 2);
+    scene.Fill(static_cast<int>(std::lround(at.x())) - half,
+               static_cast<int>(std::lround(at.y())) - half, 2 * half + 1, 2 * half + 1, 60, 120,
+               200);
+  }
+  const Eigen::Vector2d& hidden = truth.markers[0].centre_px;
+  scene.Fill(static_cast<int>(hidden.x()), static_cast<int>(hidden.y()) - 16, 20, 32, 2, 2, 2);
+  const auto seen = Detected(scene);
+  return seen && seen->markers[1].visible && seen->markers[2].visible;
+}
+
+TEST(PartialWand, SquaresInTheDarkAreNoSpheres) {
+  EXPECT_TRUE(FindsTwoInTheDark(false));
+  EXPECT_FALSE(FindsTwoInTheDark(true));
+}
+
 // Of two spheres and a part of a third in a lit room, among discs of their size and colour: a ring
 // of them around the wand, each off its line.
 bool FindsTwoAmong(int discs) {

@@ -163,7 +163,8 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture, 
   std::ranges::fill(gain_, 0.0f);
   std::ranges::fill(foreign_, uint8_t{0});
   std::ranges::fill(arc_of_, uint16_t{0});
-  const auto cover = [&](size_t i, int x, int y, float turn) {
+  const auto cover = [&](size_t i, int x, int y, const Eigen::Vector2d& d, float turn) {
+    if (d.dot(reach_ * d) > 1) return;
     size_t arc = 0;
     const Eigen::Vector3f background = background_.At(turn, &arc);
     const Eigen::Vector3f range = plateau - background;
@@ -181,15 +182,7 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture, 
     gain_[i] = counted > 0 && counted < 1 ? 1 / (grey * (kCovered - kFree)) : 0;
     arc_of_[i] = static_cast<uint16_t>(arc);
   };
-  ForEllipseRows(window_, aperture.centre_px, reach_, [&](const GridRow& row) {
-    Eigen::Vector2d d(row.x - aperture.centre_px.x(), row.y - aperture.centre_px.y());
-    background_.TurnsOf(d, window_.step, row.count, &turns_);
-    for (int i = 0; i < row.count; ++i, d.x() += window_.step) {
-      if (d.dot(reach_ * d) > 1) continue;
-      const auto at = static_cast<size_t>(i);
-      cover(row.number + at, row.x + i * window_.step, row.y, turns_[at]);
-    }
-  });
+  background_.ForDirections(window_, aperture.centre_px, reach_, &turns_, cover);
   return true;
 }
 

@@ -161,14 +161,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
                 std::clamp(range.maxCoeff() / range[channel], -kMostWhite, kMostWhite),
                 background[channel] >= kSaturatedGrey, unsure[channel] / std::abs(range[channel]));
   };
-  ForEllipseRows(how.window, aperture.centre_px, outside, [&](const GridRow& row) {
-    Eigen::Vector2d d(row.x - aperture.centre_px.x(), row.y - aperture.centre_px.y());
-    how.background.TurnsOf(d, how.window.step, row.count, &turns_);
-    for (int k = 0; k < row.count; ++k, d.x() += how.window.step) {
-      const auto at = static_cast<size_t>(k);
-      add(row.number + at, row.x + k * how.window.step, row.y, d, turns_[at]);
-    }
-  });
+  how.background.ForDirections(how.window, aperture.centre_px, outside, &turns_, add);
   pixels->FillUp();
 }
 

@@ -176,16 +176,14 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
     }
   };
   // What is inside of the ring is left out.
-  const double inner_per_a = 1 / ring(0, 0), inner_determinant = ring.determinant();
   ForEllipseRows(window, aperture.centre_px, edge, [&](const GridRow& row) {
     const Eigen::Vector2d offset(row.x - aperture.centre_px.x(), row.y - aperture.centre_px.y());
-    const double squared =
-        (ring(0, 0) - inner_determinant * offset.y() * offset.y()) * inner_per_a * inner_per_a;
-    const double half = std::sqrt(std::max(0.0, squared));
-    const double middle = -ring(0, 1) * inner_per_a * offset.y() - offset.x();
-    const int left = std::clamp(static_cast<int>((middle - half) / window.step) + 2, 0, row.count);
-    const int right = static_cast<int>((middle + half) / window.step);
-    if (!(squared > 0) || right <= left) return read_row(row, offset);
+    const EllipseChord inner(ring, offset.y());
+    const double middle = inner.middle - offset.x();
+    const int left =
+        std::clamp(static_cast<int>((middle - inner.half) / window.step) + 2, 0, row.count);
+    const int right = static_cast<int>((middle + inner.half) / window.step);
+    if (!(inner.half_squared > 0) || right <= left) return read_row(row, offset);
     read_row({row.number, row.x, row.y, left}, offset);
     if (right >= row.count) return;
     const int skipped_px = right * window.step;

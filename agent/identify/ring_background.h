@@ -54,6 +54,18 @@ struct GridRow {
   int count;
 };
 
+// A row through the ellipse d^T shape d <= 1, `dy` below its centre.
+struct EllipseChord {
+  EllipseChord(const Eigen::Matrix2d& shape, double dy)
+      : half_squared((shape(0, 0) - shape.determinant() * dy * dy) / (shape(0, 0) * shape(0, 0))),
+        half(std::sqrt(std::max(0.0, half_squared))),
+        middle(-shape(0, 1) / shape(0, 0) * dy) {}
+
+  double half_squared;  // of the length; negative: past the ellipse
+  double half;
+  double middle;  // from the ellipse's centre
+};
+
 // Calls visit(row) for the pixels of each row of the grid in the ellipse d^T shape d <= 1 about
 // `centre_px`, and for a few right beside it.
 template <typename Visit>
@@ -61,19 +73,16 @@ void ForEllipseRows(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
                     const Eigen::Matrix2d& shape, Visit visit) {
   const PixelRect& window = grid.rect;
   const int columns = (window.width + grid.step - 1) / grid.step;
-  const double per_a = 1 / shape(0, 0), per_step = 1.0 / grid.step;
-  const double determinant = shape.determinant();
+  const double per_step = 1.0 / grid.step;
   size_t row = 0;
   for (int y = window.y; y < window.y + window.height; y += grid.step) {
-    const double dy = y - centre_px.y();
     const size_t before = row;
     row += static_cast<size_t>(columns);
-    const double squared = (shape(0, 0) - determinant * dy * dy) * per_a * per_a;
-    if (!(squared > -1)) continue;
-    const double half = std::sqrt(std::max(0.0, squared));
-    const double middle = centre_px.x() - shape(0, 1) * per_a * dy - window.x;
-    const int first = std::max(0, static_cast<int>((middle - half) * per_step) - 1);
-    const int last = std::min(columns - 1, static_cast<int>((middle + half) * per_step) + 1);
+    const EllipseChord chord(shape, y - centre_px.y());
+    if (!(chord.half_squared > -1)) continue;
+    const double middle = centre_px.x() + chord.middle - window.x;
+    const int first = std::max(0, static_cast<int>((middle - chord.half) * per_step) - 1);
+    const int last = std::min(columns - 1, static_cast<int>((middle + chord.half) * per_step) + 1);
     if (first > last) continue;
     visit(GridRow{before + static_cast<size_t>(first), window.x + first * grid.step, y,
                   last - first + 1});
@@ -118,6 +127,21 @@ class RingBackground {
   // The directions of the pixels of a row, 0 to the number of arcs. `offset`: of the first one from
   // the aperture's centre; `step`: from one to the next.
   void TurnsOf(const Eigen::Vector2d& offset, int step, int count, std::vector<float>* turns) const;
+
+  // ForEllipse, with the direction of each pixel: visit(number, x, y, offset, direction). `turns`:
+  // a buffer that is kept.
+  template <typename Visit>
+  void ForDirections(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
+                     const Eigen::Matrix2d& shape, std::vector<float>* turns, Visit visit) const {
+    ForEllipseRows(grid, centre_px, shape, [&](const GridRow& row) {
+      Eigen::Vector2d d(row.x - centre_px.x(), row.y - centre_px.y());
+      TurnsOf(d, grid.step, row.count, turns);
+      for (int i = 0; i < row.count; ++i, d.x() += grid.step) {
+        const auto at = static_cast<size_t>(i);
+        visit(row.number + at, row.x + i * grid.step, row.y, d, (*turns)[at]);
+      }
+    });
+  }
 
   // The background behind a pixel in a direction (TurnsOf), between the two arcs next to it, and
   // the nearer of them.

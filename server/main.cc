@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <pthread.h>
+#include <pwd.h>
 #include <signal.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -15,6 +16,7 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
 #include "common/config/server_config.h"
@@ -84,16 +86,32 @@ sigset_t BlockStopSignals() {
   return signals;
 }
 
+// Other machines can reach one of the ports.
+bool IsNetworked(const ServerConfig& config) {
+  return !IsLoopbackAddress(config.listen) ||
+         (!config.https.listen.empty() && !IsLoopbackAddress(config.https.listen));
+}
+
+// Clients on this machine need no certificate, whoever their user is.
+bool HasOpenLoopback(const ServerConfig& config) {
+  return !config.tls.loopback.value_or(IsNetworked(config));
+}
+
 // TLS is for whoever is on another machine; on this one it is there for clients that have joined.
 absl::StatusOr<std::filesystem::path> PrepareIdentity(const ServerConfig& config) {
   std::error_code ignored;
-  if (IsLoopbackAddress(config.listen) && !config.tls.loopback && config.https.listen.empty() &&
+  if (IsLoopbackAddress(config.listen) && HasOpenLoopback(config) && config.https.listen.empty() &&
       !std::filesystem::exists(IdentityDirectory(config.data_dir) / "server.crt", ignored)) {
     return std::filesystem::path();
   }
   RIGCAL_RETURN_IF_ERROR(
       EnsureServerIdentity(config.data_dir, CertificateHosts(config.listen, config.https.listen)));
   return IdentityDirectory(config.data_dir);
+}
+
+std::string UserName() {
+  const passwd* const user = getpwuid(geteuid());
+  return user == nullptr ? absl::StrCat(geteuid()) : user->pw_name;
 }
 
 std::filesystem::path SocketFile(const ServerConfig& config) {
@@ -113,7 +131,7 @@ RpcServerOptions RpcOptions(const ServerConfig& config,
   return {.listen_address = config.listen,
           .socket_file = SocketFile(config),
           .identity_folder = identity_folder,
-          .listener = {.plain_loopback = !config.tls.loopback,
+          .listener = {.plain_loopback = HasOpenLoopback(config),
                        .limits = {.total = connections,
                                   .per_address = limits.max_connections_per_address}},
           // More than agents, for streams that are being replaced.
@@ -130,6 +148,19 @@ void TellHowToJoin(const WebServer& web) {
       "for `rigcal-agent join STRING` on a PC with cameras; `rigcal token create --role operator` "
       "one for `rigcal login STRING`",
       web.port());
+}
+
+void TellWhoNeedsNoCertificate(const ServerConfig& config) {
+  if (HasOpenLoopback(config)) {
+    spdlog::warn(
+        "every user and program of this PC may do everything here without a certificate ([tls] "
+        "loopback = false in the server's configuration)");
+  } else {
+    spdlog::info(
+        "on this PC only user {} needs no certificate (over {}); to open 127.0.0.1 to every user "
+        "of it, set [tls] loopback = false in the server's configuration",
+        UserName(), SocketFile(config).string());
+  }
 }
 
 // Names between commas, with spaces around them.
@@ -269,7 +300,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
            .grpc_listen = config.listen,
            .https_listen = config.https.listen,
            .hosts = HostsOf(config.https.hosts),
-           .plain_loopback = !config.tls.loopback,
+           .plain_loopback = HasOpenLoopback(config),
            .audit = &audit,
            .ready = [&] { return Readiness(config.data_dir, store->Health(), ingest.Stats()); }}));
   Retention retention(RetentionOf(config.retention), store.get(), coordinator.get());
@@ -318,6 +349,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
                std::string(wire::kSoftwareVersion), config.listen, port,
                identity.empty() ? "" : ", TLS", config.data_dir);
   spdlog::info("the dashboard is at {}", web->LocalUrl());
+  if (IsNetworked(config)) TellWhoNeedsNoCertificate(config);
   if (web->authority() != nullptr) TellHowToJoin(*web);
   auto announcement = Announce(config, port, web.get());
 

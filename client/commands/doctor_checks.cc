@@ -60,6 +60,29 @@ Check CheckIngest(const v1::IngestStatus& ingest) {
           "rigcal session get SESSION lists what was refused, and why"};
 }
 
+Check CheckConnections(const v1::ConnectionStatus& connections) {
+  const std::string open =
+      absl::StrCat(connections.open_count(), " open, at most ", connections.limit());
+  if (connections.flooding_count() > 0 && connections.floods_size() > 0) {
+    const v1::FloodRecord& last = connections.floods(0);
+    const std::string peer = last.peer().empty() ? absl::StrCat("a client at ", last.address())
+                             : last.address().empty()
+                                 ? last.peer()
+                                 : absl::StrCat(last.peer(), " at ", last.address());
+    return {CheckLevel::kWarn, "connections",
+            absl::StrCat(open, "; ", connections.flooding_count(),
+                         " cut since the start because they flooded the server, the last one of ",
+                         peer, ": ", last.reason()),
+            "if this is no program of yours, take its access away: rigcal agent forget NAME, or "
+            "rigcal token revoke ID"};
+  }
+  if (connections.deaf()) {
+    return {CheckLevel::kFail, "connections", "the server's port accepts no connections",
+            "restart rigcal-server"};
+  }
+  return {CheckLevel::kOk, "connections", open};
+}
+
 Check CheckDisk(const v1::StoreStatus& store) {
   if (!store.problem().empty()) {
     return {CheckLevel::kFail, "disk", store.problem(),

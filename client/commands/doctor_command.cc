@@ -47,6 +47,7 @@ std::vector<Check> CheckServer(ServerConnection& server, const v1::GetStatusResp
   checks.push_back(health.ok() ? CheckHealthWord(*health) : CannotAsk("health", health.status()));
   checks.push_back(CheckIngest(status.ingest()));
   checks.push_back(CheckDisk(status.store()));
+  checks.push_back(CheckConnections(status.connections()));
   const auto agents = ReadAllPages(server, &v1::AgentService::Stub::ListAgents);
   checks.push_back(agents.ok() ? CheckAgents(*agents) : CannotAsk("agents", agents.status()));
   if (agents.ok()) checks.push_back(CheckIntrinsics(*agents));

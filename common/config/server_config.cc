@@ -54,7 +54,8 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   AddAddress("listen", &config.listen, 0, "where the server listens", &options);
   options.AddPath("data_dir", &config.data_dir, "of the store");
   AddLogLevel(&config.log_level, &options);
-  tls.Add("loopback", &config.tls.loopback, "TLS for clients on this machine too");
+  bool loopback = false;
+  tls.Add("loopback", &loopback, "TLS for clients on this machine too");
   AddAddress("listen", &config.https.listen, 0, "where browsers and other PCs find it", &https);
   https.Add("hosts", &config.https.hosts, "NAME,...",
             "further names under which browsers reach it");
@@ -68,6 +69,7 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   }
   config.data_dir = ResolvedPath(path, config.data_dir);
   ReadTable(&file, &section, "tls", tls);
+  if (file.root["tls"]["loopback"]) config.tls.loopback = loopback;
   ReadTable(&file, &section, "https", https);
   ReadTable(&file, &section, "discovery", discovery);
   ReadTable(&file, &section, "limits", limits);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -38,9 +39,11 @@ struct ServerHttpsConfig {
   friend bool operator==(const ServerHttpsConfig&, const ServerHttpsConfig&) = default;
 };
 
-// [tls]: the port uses TLS as soon as other machines can reach it.
+// [tls]: the ports use TLS as soon as other machines can reach one of them.
 struct ServerTlsConfig {
-  bool loopback = false;  // also for clients on this machine; else they need no certificate
+  // Also for clients that come over the loopback address, whoever their user is; the socket file
+  // stays open to the server's own user. Unset: as soon as other machines can reach a port.
+  std::optional<bool> loopback;
 
   friend bool operator==(const ServerTlsConfig&, const ServerTlsConfig&) = default;
 };

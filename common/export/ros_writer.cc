@@ -4,6 +4,7 @@
 // for each. A camera's frame is the optical one of REP 103 (x right, y down, z forward); pixels are
 // OpenCV's.
 #include "absl/strings/str_cat.h"
+#include "common/export/camera_file_names.h"
 #include "common/export/decimal_text.h"
 #include "common/export/format_writers.h"
 
@@ -70,8 +71,9 @@ std::string LaunchText(const ExportedRig& rig, std::string (*node)(const Exporte
 
 ExportFiles WriteRos(const ExportedRig& rig) {
   std::vector<ExportFile> files;
+  const std::vector<std::string> names = CameraFileNames(rig);
   for (const ExportedCamera& camera : rig.cameras) {
-    files.push_back({camera.name + ".camera_info.yaml", CameraInfoText(camera)});
+    files.push_back({names[files.size()] + ".camera_info.yaml", CameraInfoText(camera)});
   }
   files.push_back({"static_transforms.ros1.launch", LaunchText(rig, &Ros1Node)});
   files.push_back({"static_transforms.ros2.launch.xml", LaunchText(rig, &Ros2Node)});

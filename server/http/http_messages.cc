@@ -7,6 +7,7 @@
 #include <boost/beast/http/error.hpp>
 #include <boost/beast/http/rfc7230.hpp>
 #include <cstdint>
+#include <iterator>
 #include <string_view>
 #include <utility>
 
@@ -124,6 +125,10 @@ HttpRequest RequestOf(const HttpRequestParser& parser, const HttpOrigin& origin)
   request.cookie = Text(message[http::field::cookie]);
   request.authorization = Text(message[http::field::authorization]);
   request.if_none_match = Text(message[http::field::if_none_match]);
+  for (const char* name : {"Host", "Origin", "Sec-Fetch-Site", "Cookie", "Authorization"}) {
+    const auto [begin, end] = message.equal_range(name);
+    if (std::distance(begin, end) > 1) request.repeated_field = name;
+  }
   request.has_own_header = message.find("X-Rigcal") != message.end();
   request.accepts_gzip = AcceptsGzip(Text(message[http::field::accept_encoding]));
   return request;

@@ -26,6 +26,9 @@ struct HttpRequest {
   std::string cookie = {};
   std::string authorization = {};
   std::string if_none_match = {};
+  // Of the fields above, one that came twice: two programs that look at the request may take
+  // different ones of them.
+  std::string repeated_field = {};
   bool has_own_header = false;  // X-Rigcal, which no page of another site can send
   bool accepts_gzip = false;
   std::string body = {};

@@ -147,6 +147,11 @@ HttpRouter::Admission HttpRouter::Find(const HttpRequest& request) const {
 }
 
 HttpRouter::Admission HttpRouter::Admit(HttpRequest* request) const {
+  if (!request->repeated_field.empty()) {
+    return {nullptr, ErrorResponse(400, absl::InvalidArgumentError(absl::StrCat(
+                                            "the header field ", request->repeated_field,
+                                            " is there more than once")))};
+  }
   if (!request->tls && !request->local) return {nullptr, Redirect(*request)};
   Admission admission = Find(*request);
   if (admission.refusal || admission.route->who == For::kAnybody) return admission;

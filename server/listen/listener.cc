@@ -2,8 +2,9 @@
 #include "server/listen/listener.h"
 
 #include <fcntl.h>
+#include <linux/tcp.h>
+#include <malloc.h>
 #include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <spdlog/spdlog.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
@@ -14,6 +15,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <optional>
 #include <utility>
 
@@ -29,10 +31,25 @@ constexpr char kHttp2Preface = 'P';  // "PRI * HTTP/2.0"
 constexpr char kProbe = 0x01;
 constexpr int kAcceptsPerRound = 64;
 constexpr std::chrono::milliseconds kPause{100};
+// malloc keeps what was freed; so often it is given back to the system, if memory has grown by
+// this.
+constexpr std::chrono::seconds kGiveBackInterval{10};
+constexpr uint64_t kGrownBytes = 32u << 20;
+// By which PeerConduct knows clients of this machine without a certificate.
+constexpr char kPlainClients[] = "plain";
 constexpr std::chrono::seconds kSameLack{10};  // so long after the last, it is one in the log
 
 bool IsLackOfDescriptors(int error) {
   return error == EMFILE || error == ENFILE || error == ENOBUFS || error == ENOMEM;
+}
+
+// Resident in this process; 0: not known.
+uint64_t ResidentBytes() {
+  std::ifstream file("/proc/self/statm");
+  uint64_t total = 0;
+  uint64_t resident = 0;
+  if (!(file >> total >> resident)) return 0;
+  return resident * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
 }
 
 // The user at the other end of a socket file is the server's own, or root.
@@ -45,8 +62,12 @@ bool IsOwnUser(int descriptor) {
 
 }  // namespace
 
-Listener::Listener(ListenerOptions options, AuditLog* audit)
-    : options_(std::move(options)), audit_(*audit), connections_(options_.limits) {}
+Listener::Listener(ListenerOptions options, AuditLog* audit, PeerConduct* conduct)
+    : options_(std::move(options)),
+      audit_(*audit),
+      conduct_(conduct),
+      connections_(options_.limits),
+      guard_(options_.floods) {}
 
 Listener::~Listener() {
   Stop();
@@ -109,6 +130,8 @@ void Listener::Run() {
     Clock::time_point wake_at = Clock::now() + std::chrono::seconds(1);
     if (!silent_.empty()) wake_at = std::min(wake_at, silent_.front().deadline);
     if (paused_until_) wake_at = std::min(wake_at, *paused_until_);
+    if (!taken_.empty()) wake_at = std::min(wake_at, next_look_);
+    if (!give_back_.empty()) wake_at = std::min(wake_at, give_back_.front());
     const auto left =
         std::chrono::duration_cast<std::chrono::milliseconds>(wake_at - Clock::now()).count();
     const int count = epoll_wait(epoll_, events.data(), static_cast<int>(events.size()),
@@ -134,6 +157,7 @@ void Listener::Run() {
         }
       }
     }
+    LookForFloods();
     while (!silent_.empty() && silent_.front().deadline <= Clock::now()) {
       const Silent& silent = silent_.front();
       audit_.Write("connection_refused", AddressText(silent.from),
@@ -148,6 +172,49 @@ void Listener::Run() {
       }
     }
   }
+}
+
+void Listener::LookForFloods() {
+  const Clock::time_point now = Clock::now();
+  if (now < next_look_) return;
+  const uint64_t resident_bytes = ResidentBytes();
+  for (const FloodGuard::Cut& cut : guard_.Look(connections_.Traffic(), resident_bytes, now)) {
+    const std::optional<Connections::Flooding> flooding = connections_.CutFlood(cut.id, cut.why);
+    if (!flooding) continue;
+    const std::string peer = flooding->peer ? Describe(*flooding->peer) : "a client";
+    const bool plain = flooding->is_plain;
+    std::string why = cut.why;
+    if (conduct_ != nullptr && (flooding->peer || plain)) {
+      const auto ban =
+          conduct_->Ban(flooding->peer ? flooding->peer->uri : kPlainClients, why, now);
+      absl::StrAppend(&why,
+                      plain ? "; clients of this PC that have no certificate are kept out of "
+                              "the port for "
+                            : "; it is kept out for ",
+                      ban.count(), " s");
+    }
+    if (flooding->peer) {
+      connections_.CutIf([&](const Peer& other) { return other.uri == flooding->peer->uri; });
+    }
+    spdlog::error("the connection of {} from {} floods the server and is cut: {}", peer,
+                  flooding->address, why);
+    audit_.Write("connection_cut", flooding->peer ? peer : flooding->address,
+                 {{"address", flooding->address}, {"reason", why}});
+    // gRPC frees what it has of a connection soon after its end.
+    give_back_ = {now + std::chrono::milliseconds(300), now + std::chrono::seconds(2)};
+  }
+  next_look_ = now + (guard_.has_suspect() ? options_.suspect_interval : options_.flood_interval);
+  GiveMemoryBack(resident_bytes, now);
+}
+
+void Listener::GiveMemoryBack(uint64_t resident_bytes, Clock::time_point now) {
+  const bool after_flood = !give_back_.empty() && give_back_.front() <= now;
+  if (after_flood) give_back_.pop_front();
+  const bool has_grown = now >= next_give_back_ && resident_bytes > kept_bytes_ + kGrownBytes;
+  if (!after_flood && !has_grown) return;
+  malloc_trim(0);
+  kept_bytes_ = ResidentBytes();
+  next_give_back_ = now + kGiveBackInterval;
 }
 
 void Listener::AcceptAll(int listening) {
@@ -221,6 +288,16 @@ bool Listener::MakeRoom(const sockaddr_storage& from) {
       DropSilent(silent);
       continue;
     }
+    if (const std::optional<int> idle = connections_.FindIdle(from, verdict, Clock::now())) {
+      audit_.Write("connection_cut", connections_.AddressOf(*idle),
+                   {{"reason", "it was idle, and another client needed its place"}});
+      taken_.erase(*idle);
+      // gRPC holds the connection as well, so that closing it would leave it with epoll.
+      Watch(*idle, 0, EPOLL_CTL_DEL);
+      connections_.Cut(*idle);
+      connections_.Remove(*idle);
+      continue;
+    }
     if (connections_.NoteRefusal(verdict, from)) {
       spdlog::warn(
           "connections from {} are refused: {} are open, which is the limit; raise limits.{} on "
@@ -268,6 +345,14 @@ void Listener::Decide(SilentList::iterator silent) {
     silent_.erase(silent);
     return HandOver(Kind::kTls, descriptor, /*is_watched=*/true);
   }
+  if (got == 1 && first == kHttp2Preface && plain && conduct_ != nullptr) {
+    if (const auto ban = conduct_->FindBan(kPlainClients, Clock::now())) {
+      DropSilent(silent);
+      return Refuse(-1, from,
+                    absl::StrCat("clients without a certificate are kept out for another ",
+                                 ban->left.count(), " s, because one flooded the server"));
+    }
+  }
   if (got == 1 && first == kHttp2Preface && plain) {
     silent_by_descriptor_.erase(descriptor);
     silent_.erase(silent);
@@ -290,6 +375,7 @@ void Listener::HandOver(Kind kind, int descriptor, bool is_watched) {
     return PauseAccepting();
   }
   taken_[descriptor] = kind;
+  if (kind == Kind::kPlain) connections_.SetPlain(descriptor);
   // Only its end is of interest from here on.
   Watch(descriptor, EPOLLRDHUP | EPOLLET, is_watched ? EPOLL_CTL_MOD : EPOLL_CTL_ADD);
   take_(kind, copy);

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
+#include <deque>
 #include <filesystem>
 #include <functional>
 #include <list>
@@ -18,8 +19,10 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/access/peer_conduct.h"
 #include "server/audit/audit_log.h"
 #include "server/listen/connections.h"
+#include "server/listen/flood_guard.h"
 
 namespace rigcal::server {
 
@@ -37,6 +40,10 @@ struct ListenerOptions {
   // How often the server connects to itself, and how long it waits for the answer.
   std::chrono::milliseconds probe_interval{10'000};
   std::chrono::milliseconds probe_timeout{5'000};
+  FloodLimits floods = {};
+  // How often it looks for floods while there are connections; and while one is suspected.
+  std::chrono::milliseconds flood_interval{50};
+  std::chrono::milliseconds suspect_interval{10};
 };
 
 // Accepts connections and hands them over once their first byte says what they are: gRPC's own
@@ -48,8 +55,8 @@ class Listener {
   // Takes over a connection's descriptor, which does not block. Called on the accepting thread.
   using Take = std::function<void(Kind, int descriptor)>;
 
-  // `audit` must outlive the listener.
-  Listener(ListenerOptions options, AuditLog* audit);
+  // Both must outlive the listener. Without `conduct` nobody is kept out after a flood.
+  Listener(ListenerOptions options, AuditLog* audit, PeerConduct* conduct = nullptr);
   ~Listener();
   Listener(const Listener&) = delete;
   Listener& operator=(const Listener&) = delete;
@@ -90,10 +97,13 @@ class Listener {
   void Refuse(int descriptor, const sockaddr_storage& from, const std::string& why);
   void Watch(int descriptor, uint32_t events, int operation) const;
   void PauseAccepting();
+  void LookForFloods();
+  void GiveMemoryBack(uint64_t resident_bytes, Clock::time_point now);
   void RunProbes();
 
   const ListenerOptions options_;
   AuditLog& audit_;
+  PeerConduct* const conduct_;
   Connections connections_;
   Take take_;
   int epoll_ = -1;
@@ -107,6 +117,12 @@ class Listener {
   std::map<int, Kind> taken_;
   std::optional<Clock::time_point> paused_until_;
   std::optional<Clock::time_point> last_lack_;  // of descriptors
+  FloodGuard guard_;
+  Clock::time_point next_look_ = {};
+  // When memory goes back to the system next, and how much was left the last time.
+  std::deque<Clock::time_point> give_back_;
+  Clock::time_point next_give_back_ = {};
+  uint64_t kept_bytes_ = 0;
 
   std::mutex mutex_;
   std::condition_variable stop_changed_;

@@ -88,6 +88,7 @@ void AgentStream::OnReadDone(bool ok) {
     if (ended_) return;
     first = !std::exchange(hello_seen_, true);
   }
+  environment_.security->NoteMessage(caller_, request_.ByteSizeLong());
   if (const absl::Status fault = wire::FaultOf(request_); !fault.ok()) return Refuse(fault);
   if (first) {
     hello_alarm_.Cancel();
@@ -381,6 +382,7 @@ void AgentStream::OnDone() {
     spdlog::info("agent {} disconnected", agent_id_);
   }
   if (counted_) --environment_.open_streams;
+  environment_.security->EndCall(caller_);
   const auto last = std::move(self_);
 }
 

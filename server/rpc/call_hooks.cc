@@ -17,6 +17,11 @@
 namespace rigcal::server {
 namespace {
 
+constexpr std::string_view kOwnServices = "/rigcal.v1.";
+constexpr std::string_view kServedAsBytes = "/rigcal.v1.LiveService/GetLive";
+// Headers of a call, once HPACK has what most of them share.
+constexpr size_t kHeaderBytes = 512;
+
 std::string_view View(grpc::string_ref text) { return {text.data(), text.size()}; }
 
 // Looks at the client's certificate in every TLS handshake. OpenSSL has proved by then that the
@@ -27,7 +32,7 @@ class ClientVerifier final : public grpc::experimental::ExternalCertificateVerif
 
   bool Verify(grpc::experimental::TlsCustomVerificationCheckRequest* request,
               std::function<void(grpc::Status)> /*callback*/, grpc::Status* sync_status) override {
-    const absl::StatusOr<Peer> peer = security_.Identify(View(request->peer_cert()));
+    const absl::StatusOr<Peer> peer = security_.Welcome(View(request->peer_cert()));
     if (!peer.ok()) {
       security_.audit().Write("handshake_refused", "",
                               {{"reason", std::string(peer.status().message())}});
@@ -63,6 +68,7 @@ class CallObserver final : public grpc::experimental::Interceptor {
   CallObserver(grpc::experimental::ServerRpcInfo* info, const AccessRule* rule,
                CallSecurity* security)
       : info_(*info), rule_(rule), security_(*security) {}
+  ~CallObserver() override { security_.EndCall(caller_); }
 
   void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {
     using Point = grpc::experimental::InterceptionHookPoints;
@@ -70,10 +76,16 @@ class CallObserver final : public grpc::experimental::Interceptor {
       caller_ = security_.CallerOf(*info_.server_context());
     }
     const bool audited = rule_ != nullptr && rule_->audited;
-    if (audited && methods->QueryInterceptionHookPoint(Point::POST_RECV_MESSAGE)) {
-      // Services are generated from proto files: what they receive are messages.
-      const auto* message = static_cast<google::protobuf::Message*>(methods->GetRecvMessage());
-      if (message != nullptr) request_ = message->ShortDebugString();
+    if (methods->QueryInterceptionHookPoint(Point::POST_RECV_MESSAGE)) {
+      // Services are generated from proto files: what they receive are messages, but for the live
+      // state and gRPC's own services, which get bytes.
+      const auto* message = rule_ != nullptr && rule_->method.starts_with(kOwnServices) &&
+                                    rule_->method != kServedAsBytes
+                                ? static_cast<google::protobuf::Message*>(methods->GetRecvMessage())
+                                : nullptr;
+      security_.NoteMessage(caller_,
+                            kHeaderBytes + (message == nullptr ? 0 : message->ByteSizeLong()));
+      if (audited && message != nullptr) request_ = message->ShortDebugString();
     }
     if (audited && methods->QueryInterceptionHookPoint(Point::PRE_SEND_STATUS)) {
       const absl::Status status = wire::FromGrpc(methods->GetSendStatus());
@@ -103,10 +115,7 @@ class CallObserverFactory final : public grpc::experimental::ServerInterceptorFa
       grpc::experimental::ServerRpcInfo* info) override {
     // The ingest service asks who calls by itself: an observer would see every message.
     if (std::string_view(info->method()).starts_with("/rigcal.v1.IngestService/")) return nullptr;
-    const AccessRule* rule = FindAccessRule(info->method());
-    const bool audited = rule != nullptr && rule->audited;
-    if (!audited && !security_.has_certificates()) return nullptr;
-    return new CallObserver(info, rule, &security_);
+    return new CallObserver(info, FindAccessRule(info->method()), &security_);
   }
 
  private:

@@ -2,6 +2,7 @@
 #include "server/rpc/call_security.h"
 
 #include <grpc/grpc_security_constants.h>
+#include <spdlog/spdlog.h>
 
 #include <optional>
 
@@ -17,6 +18,8 @@ namespace {
 
 constexpr size_t kMaxKnown = 4096;
 constexpr size_t kKeyBytes = 16;
+// What a small message needs besides its bytes: headers of its frames and of TLS records.
+constexpr size_t kMessageOverheadBytes = 64;
 // Metadata of calls within the process; values end in "-bin" where they may hold any bytes.
 constexpr char kKey[] = "rigcal-key";
 constexpr char kRole[] = "rigcal-role";
@@ -32,10 +35,11 @@ std::string MetadataOf(const grpc::ServerContextBase& context, const char* key) 
 }  // namespace
 
 CallSecurity::CallSecurity(const CheckedIdentity* identity, DeniedCertificates* denied,
-                           Connections* connections, AuditLog* audit)
+                           Connections* connections, PeerConduct* conduct, AuditLog* audit)
     : identity_(identity),
       denied_(denied),
       connections_(connections),
+      conduct_(conduct),
       audit_(*audit),
       key_(absl::BytesToHexString(RandomBytes(kKeyBytes).value_or(""))) {}
 
@@ -85,9 +89,59 @@ absl::StatusOr<Peer> CallSecurity::IdentifyFrom(const grpc::AuthContext& context
   return Identify(std::string_view(certificate[0].data(), certificate[0].size()));
 }
 
+absl::StatusOr<Peer> CallSecurity::Welcome(std::string_view certificate_pem) {
+  RIGCAL_ASSIGN_OR_RETURN(Peer peer, Identify(certificate_pem));
+  const auto now = PeerConduct::Clock::now();
+  if (conduct_ != nullptr) RIGCAL_RETURN_IF_ERROR(CheckConduct(peer, now));
+  if (connections_ != nullptr) connections_->NoteHandshake(peer, now);
+  return peer;
+}
+
+absl::Status CallSecurity::CheckConduct(const Peer& peer, PeerConduct::Clock::time_point now) {
+  const std::optional<PeerConduct::Banned> ban = conduct_->FindBan(peer.uri, now);
+  if (!ban) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat(Describe(peer), " is kept out for another ", ban->left.count(),
+                   " s, because its connection flooded the server: ", ban->why));
+}
+
+absl::Status CallSecurity::BeginCall(const Peer& peer) {
+  if (conduct_ == nullptr || !peer.has_certificate) return absl::OkStatus();
+  const auto now = PeerConduct::Clock::now();
+  RIGCAL_RETURN_IF_ERROR(CheckConduct(peer, now));
+  if (conduct_->BeginCall(peer.uri, now)) return absl::OkStatus();
+  const std::string why = "it has begun thousands of calls that it did not wait for";
+  const auto ban = conduct_->Ban(peer.uri, why, now);
+  spdlog::error("{} floods the server, is cut and kept out for {} s: {}", Describe(peer),
+                ban.count(), why);
+  audit_.Write("connection_cut", Describe(peer),
+               {{"reason", absl::StrCat(why, "; it is kept out for ", ban.count(), " s")}});
+  if (connections_ != nullptr) {
+    connections_->NoteFlood(peer, why);
+    connections_->CutIf([&](const Peer& other) { return other.uri == peer.uri; });
+  }
+  return absl::ResourceExhaustedError(absl::StrCat(Describe(peer), " is cut: ", why));
+}
+
+void CallSecurity::EndCall(const Caller& caller) {
+  // Without a serial it was made within this process.
+  if (conduct_ != nullptr && !caller.peer.serial.empty()) conduct_->EndCall(caller.peer.uri);
+}
+
+void CallSecurity::NoteMessage(const Caller& caller, size_t bytes) {
+  if (connections_ != nullptr && !caller.address.empty()) {
+    connections_->Explain(caller.address, bytes + kMessageOverheadBytes);
+  }
+}
+
 absl::Status CallSecurity::Authorise(const grpc::AuthContext& context, std::string_view method) {
   const absl::StatusOr<Peer> peer = IdentifyFrom(context);
-  const absl::Status status = peer.ok() ? CheckAccess(*peer, method) : peer.status();
+  absl::Status status = peer.ok() ? CheckAccess(*peer, method) : peer.status();
+  if (status.ok()) {
+    status = BeginCall(*peer);
+    // The log has a line for the whole flood, and the clients hear of it.
+    if (!status.ok()) return status;
+  }
   if (!status.ok()) {
     audit_.Write("call_refused", peer.ok() ? Describe(*peer) : "",
                  {{"method", std::string(method)}, {"reason", std::string(status.message())}});

@@ -15,6 +15,7 @@
 #include "absl/status/statusor.h"
 #include "server/access/checked_identity.h"
 #include "server/access/peer.h"
+#include "server/access/peer_conduct.h"
 #include "server/audit/audit_log.h"
 #include "server/identity/denied_certificates.h"
 #include "server/listen/connections.h"
@@ -34,18 +35,27 @@ struct Caller {
 // an identity there are no certificates, and all callers are on this machine. Thread-safe.
 class CallSecurity {
  public:
-  // All must outlive this object; `identity` and `denied` may be null together.
+  // All must outlive this object; `identity`, `denied` and `conduct` may be null together.
   CallSecurity(const CheckedIdentity* identity, DeniedCertificates* denied,
-               Connections* connections, AuditLog* audit);
+               Connections* connections, PeerConduct* conduct, AuditLog* audit);
 
   // UNAUTHENTICATED: the CA has not signed the certificate, it is not valid now, or of another
   // form. PERMISSION_DENIED: it was revoked.
   absl::StatusOr<Peer> Identify(std::string_view certificate_pem);
+  // As Identify, at the end of a TLS handshake. RESOURCE_EXHAUSTED: the peer is kept out for a
+  // while, because it has flooded the server.
+  absl::StatusOr<Peer> Welcome(std::string_view certificate_pem);
   // As Identify, of the other end of a connection, and whether it may call `method`. What is
-  // refused gets a line in the audit log.
+  // refused gets a line in the audit log. Each call that is let in is ended by EndCall.
+  // RESOURCE_EXHAUSTED: the peer has too many unfinished calls; its connections are cut.
   absl::Status Authorise(const grpc::AuthContext& context, std::string_view method);
   // Who makes this call, which has been authorised. Also notes whose the connection is.
   Caller CallerOf(const grpc::ServerContextBase& context);
+
+  // A call of `caller` is over, whatever became of it.
+  void EndCall(const Caller& caller);
+  // A service has got a message of this size from `caller`.
+  void NoteMessage(const Caller& caller, size_t bytes);
 
   // Whether a peer that was identified elsewhere may call `method`, with a line as above if not.
   absl::Status CheckPeer(const Peer& peer, std::string_view method);
@@ -60,12 +70,15 @@ class CallSecurity {
 
  private:
   absl::StatusOr<Peer> IdentifyFrom(const grpc::AuthContext& context);
+  absl::Status BeginCall(const Peer& peer);
+  absl::Status CheckConduct(const Peer& peer, PeerConduct::Clock::time_point now);
   // True: the call was made within this process, for `caller`.
   bool ReadCaller(const grpc::ServerContextBase& context, Caller* caller) const;
 
   const CheckedIdentity* const identity_;
   DeniedCertificates* const denied_;
   Connections* const connections_;
+  PeerConduct* const conduct_;
   AuditLog& audit_;
   const std::string key_;  // of calls within the process; never leaves it
   // Certificates that were read and are signed by this CA.

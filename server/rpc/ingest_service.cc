@@ -12,6 +12,13 @@
 #include "server/rpc/deliveries.h"
 
 namespace rigcal::server {
+namespace {
+
+// Headers of a call, once HPACK has what most of them share.
+constexpr size_t kUploadHeaderBytes = 512;
+
+}  // namespace
+
 IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coordinator,
                              Ingest* ingest, PreviewBroker* previews, DetectorBroker* detectors,
                              std::string server_id, CallSecurity* security, AgentRegistry* registry)
@@ -56,13 +63,16 @@ grpc::ServerUnaryReactor* IngestService::UploadBatch(grpc::CallbackServerContext
                                                      const v1::UploadBatchRequest* request,
                                                      v1::UploadBatchResponse* response) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  const Caller caller = environment_.security->CallerOf(*context);
+  environment_.security->NoteMessage(caller, request->ByteSizeLong() + kUploadHeaderBytes);
+  // What is left of the call is in nobody's power but ours: ingest always answers.
+  environment_.security->EndCall(caller);
   absl::StatusOr<Delivery> delivery = ParseDelivery(*request, environment_.options.max_batch_rows);
   if (const absl::Status fault = wire::FaultOf(*request); !fault.ok()) delivery = fault;
   if (!delivery.ok()) {
     reactor->Finish(wire::ToGrpc(delivery.status()));
     return reactor;
   }
-  const Caller caller = environment_.security->CallerOf(*context);
   if (const absl::Status status = CheckCaller(caller, *request, delivery->stream()); !status.ok()) {
     environment_.AuditRefusal(caller, request->agent_id(), status);
     reactor->Finish(wire::ToGrpc(status));

@@ -60,6 +60,9 @@ void SetLimits(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
   quota.Resize(options.memory_limit_bytes);
   quota.SetMaxThreads(options.max_threads);
   builder->SetResourceQuota(quota);
+  // Nobody here compresses, and what 4 KB become is nobody's to count.
+  builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_DEFLATE, false);
+  builder->SetCompressionAlgorithmSupportStatus(GRPC_COMPRESS_GZIP, false);
   builder->SetMaxReceiveMessageSize(static_cast<int>(options.agents.max_message_bytes));
   builder->SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::NUM_CQS, 1);
   // Two servers on one port would both start and share the connections.
@@ -96,9 +99,9 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
       audit_(parts.audit == nullptr ? no_audit_ : *parts.audit),
       identity_(LoadIdentity(options_)),
       denied_(options_.identity_folder / "denied.json"),
-      listener_(ListeningOptions(options_), &audit_),
+      listener_(ListeningOptions(options_), &audit_, &conduct_),
       security_(identity_.ok() ? identity_->get() : nullptr, &denied_, &listener_.connections(),
-                &audit_),
+                &conduct_, &audit_),
       previews_(options_.previews, parts.directory),
       detectors_(options_.detectors, parts.directory),
       readers_(options_.readers, parts.store, parts.coordinator),

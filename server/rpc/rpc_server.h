@@ -90,6 +90,7 @@ class RpcServer {
   // Null: no TLS.
   const absl::StatusOr<std::unique_ptr<CheckedIdentity>> identity_;
   DeniedCertificates denied_;
+  PeerConduct conduct_;
   Listener listener_;
   CallSecurity security_;
   PreviewBroker previews_;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <chrono>
 #include <string>
 
 #include "common/wire/protocol_version.h"
@@ -78,6 +79,16 @@ class StatusService final : public v1::StatusService::Service {
       connections->set_accepted_count(open.accepted);
       connections->set_refused_count(open.refused);
       connections->set_deaf(listener_.IsDeaf());
+      connections->set_flooding_count(open.flooding);
+      for (const FloodRecord& flood : listener_.connections().Floods()) {
+        v1::FloodRecord* record = connections->add_floods();
+        *record->mutable_time() = wire::ToTimestamp(
+            std::chrono::duration_cast<std::chrono::nanoseconds>(flood.time.time_since_epoch())
+                .count());
+        record->set_address(flood.address);
+        record->set_peer(flood.peer);
+        record->set_reason(flood.why);
+      }
       return absl::OkStatus();
     });
   }

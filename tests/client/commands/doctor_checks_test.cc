@@ -39,6 +39,25 @@ TEST(CheckIngest, FailsOnAProblemAndWarnsOfAFullQueue) {
   EXPECT_THAT(CheckIngest(ingest).message, HasSubstr("the disk is full"));
 }
 
+TEST(CheckConnections, NamesWhoFloodedTheServer) {
+  v1::ConnectionStatus connections;
+  connections.set_open_count(3);
+  connections.set_limit(1024);
+  EXPECT_EQ(CheckConnections(connections).level, CheckLevel::kOk);
+  connections.set_flooding_count(2);
+  v1::FloodRecord* flood = connections.add_floods();
+  flood->set_peer("agent 'pc-3' (certificate 1a)");
+  flood->set_address("10.0.0.5:41002");
+  flood->set_reason("it has sent 9.0 MB that no call accounts for");
+  EXPECT_EQ(CheckConnections(connections).level, CheckLevel::kWarn);
+  EXPECT_THAT(CheckConnections(connections).message,
+              AllOf(HasSubstr("agent 'pc-3'"), HasSubstr("10.0.0.5:41002"), HasSubstr("9.0 MB")));
+  EXPECT_THAT(CheckConnections(connections).advice, HasSubstr("rigcal agent forget"));
+  connections.clear_flooding_count();
+  connections.set_deaf(true);
+  EXPECT_EQ(CheckConnections(connections).level, CheckLevel::kFail);
+}
+
 TEST(CheckDisk, WarnsBeforeItFails) {
   v1::StoreStatus store;
   store.set_kind("sqlite");

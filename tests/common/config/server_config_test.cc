@@ -108,7 +108,7 @@ delete_calibrated = true
   EXPECT_EQ(config.limits, expected);
   EXPECT_EQ(config.https.listen, "[::1]:7");
   EXPECT_EQ(config.https.hosts, "rig.lab.org, rig");
-  EXPECT_TRUE(config.tls.loopback);
+  EXPECT_EQ(config.tls.loopback, true);
   EXPECT_TRUE(config.discovery.mdns);
   const RetentionConfig retention{.max_age_days = 14, .max_size_mb = 15, .delete_calibrated = true};
   EXPECT_EQ(config.retention, retention);

@@ -85,6 +85,20 @@ TEST_F(HttpServer, RefusesTooMuch) {
   ExpectHealthy();
 }
 
+TEST_F(HttpServer, RefusesAFieldThatComesTwiceAndMustNot) {
+  StartServer();
+  for (const char* twice :
+       {"Host: localhost\r\nHost: evil.example\r\n", "Host: localhost\r\nhost: localhost\r\n",
+        "Host: localhost\r\nOrigin: https://a\r\nOrigin: https://b\r\n",
+        "Host: localhost\r\nCookie: a=1\r\nCookie: a=2\r\n"}) {
+    EXPECT_THAT(SendOverTls(port(), absl::StrCat("GET /healthz HTTP/1.1\r\n", twice,
+                                                 "Connection: close\r\n\r\n")),
+                StartsWith("HTTP/1.1 400"))
+        << twice;
+  }
+  ExpectHealthy();
+}
+
 TEST_F(HttpServer, SurvivesGarbage) {
   StartServer();
   for (const char* bad : {"GET\r\n\r\n", "GET / HTTP/9.9\r\n\r\n", "\r\n\r\n\r\n", "{}\r\n\r\n",

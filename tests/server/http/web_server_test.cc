@@ -4,11 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <memory>
 #include <regex>
 #include <string>
 #include <vector>
 
+#include "server/access/access_rules.h"
+#include "server/api/api_routes.h"
 #include "server/api/gzip.h"
 #include "tests/server/http/echo_gateway.h"
 #include "tests/server/http/join_fixture.h"
@@ -203,6 +206,26 @@ TEST_F(WebServer, ACookieGivesTheRoleOfItsToken) {
   const std::string secret = worker.substr(worker.rfind('=') + 1);
   EXPECT_THAT(Tls(Request("GET /v1/status", "Authorization: Bearer " + secret)),
               StartsWith("HTTP/1.1 200"));
+}
+
+TEST_F(WebServer, EachRouteIsForThoseWhoMayCallItsRpc) {
+  StartJoinable();
+  const std::map<Role, std::string> cookies = {{Role::kViewer, SignIn(Role::kViewer)},
+                                               {Role::kOperator, SignIn(Role::kOperator)}};
+  for (const server::ApiRoute& route : server::ApiRoutes()) {
+    const std::string line =
+        std::string(route.method) + " " +
+        std::regex_replace(std::string(route.path), std::regex("\\{\\w+\\}"), "x");
+    const std::string body = route.HasBody() ? "{}" : "";
+    EXPECT_THAT(Tls(Request(line, "X-Rigcal: 1\r\n", body)), StartsWith("HTTP/1.1 401")) << line;
+    const server::AccessRule* const rule = server::FindAccessRule(route.rpc);
+    ASSERT_NE(rule, nullptr) << route.rpc;
+    for (const auto& [role, cookie] : cookies) {
+      const std::string answer = Tls(Request(line, cookie + "X-Rigcal: 1\r\n", body));
+      EXPECT_THAT(answer, StartsWith(rule->roles.contains(role) ? "HTTP/1.1 200" : "HTTP/1.1 403"))
+          << RoleName(role) << " " << line;
+    }
+  }
 }
 
 TEST_F(WebServer, ACookieEndsWithItsTokenAndStaysOverARestart) {

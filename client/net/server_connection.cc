@@ -70,15 +70,27 @@ absl::Status ValidateServerAddress(std::string_view address) {
 
 ServerConnection::ServerConnection(const std::string& address, const wire::ClientIdentity& identity)
     : address_(address),
+      has_identity_(identity.Exists()),
       credentials_(wire::CredentialsFor(address, identity)),
       channel_(MakeChannel(address, credentials_.ok() ? *credentials_ : nullptr)) {}
 
 absl::Status ServerConnection::Explain(const grpc::Status& status,
                                        std::chrono::milliseconds timeout) const {
-  if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
+  const std::string cause = CauseOf(status.error_message());
+  const bool plain =
+      wire::IsOnThisMachine(address_) && !address_.starts_with("unix:") && !has_identity_;
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE && plain &&
+      (cause == "Socket closed" || cause == "Connection reset by peer")) {
     return absl::UnavailableError(absl::StrCat(
-        "cannot reach the server at ", address_, " (", CauseOf(status.error_message()), "). ",
-        kAdvice, wire::IsOnThisMachine(address_) ? "" : ". rigcal doctor says more"));
+        "the server at ", address_, " closes connections without a certificate (", cause,
+        "). Where it is open to the network, only the user who runs it needs none, without "
+        "--server; others join it: rigcal login STRING, with what `rigcal token create --role "
+        "operator` prints for that user"));
+  }
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
+    return absl::UnavailableError(
+        absl::StrCat("cannot reach the server at ", address_, " (", cause, "). ", kAdvice,
+                     wire::IsOnThisMachine(address_) ? "" : ". rigcal doctor says more"));
   }
   if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) {
     return absl::UnavailableError(

@@ -139,6 +139,7 @@ class ServerConnection {
   absl::Status Explain(const grpc::Status& status, std::chrono::milliseconds timeout) const;
 
   const std::string address_;
+  const bool has_identity_;  // of this user
   const absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> credentials_;
   const std::shared_ptr<grpc::Channel> channel_;
 };

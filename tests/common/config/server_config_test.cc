@@ -30,6 +30,7 @@ TEST_F(ServerConfigTest, AnEmptyFileIsTheDefault) {
   EXPECT_EQ(config.listen, "127.0.0.1:7420");
   EXPECT_EQ(config.data_dir, "");
   EXPECT_EQ(config.log_level, "info");
+  EXPECT_EQ(config.tls.loopback, std::nullopt);
   EXPECT_EQ(config.limits, ServerLimits());
   EXPECT_EQ(config.retention, RetentionConfig());
 }
@@ -49,7 +50,7 @@ TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
   EXPECT_EQ(config.listen, ServerConfig().listen);
   EXPECT_EQ(config.log_level, ServerConfig().log_level);
   EXPECT_EQ(config.limits, ServerLimits());
-  EXPECT_EQ(config.tls, ServerTlsConfig());
+  EXPECT_EQ(config.tls.loopback, false);
   EXPECT_EQ(config.discovery, ServerDiscoveryConfig());
   EXPECT_EQ(config.retention, RetentionConfig());
 }

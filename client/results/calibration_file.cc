@@ -15,6 +15,7 @@
 #include "common/export/calibration_export.h"
 #include "common/export/covariance_json.h"
 #include "common/status/status_macros.h"
+#include "common/text/nesting.h"
 #include "common/wire/calibration_result_wire.h"
 
 namespace rigcal::client {
@@ -35,12 +36,15 @@ absl::Status NoCalibration(const std::string& what, const std::string& why) {
 absl::StatusOr<CalibrationFile> ParseCalibrationJson(const std::string& what,
                                                      const std::string& json) {
   CalibrationFile file;
+  if (const auto line = LineNestedTooDeep(NestedFormat::kJson, json)) {
+    return NoCalibration(what, absl::StrCat("line ", *line, " ", kNestedTooDeep));
+  }
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
   const auto parsed = google::protobuf::util::JsonStringToMessage(json, &file.calibration, options);
   if (!parsed.ok()) return NoCalibration(what, std::string(parsed.message()));
   if (file.calibration.cameras().empty()) return NoCalibration(what, "it has no cameras");
-  const auto object = nlohmann::json::parse(json, nullptr, /*allow_exceptions=*/false);
+  const auto object = ParseJson<nlohmann::json>(json);
   if (!object.is_object() || !object.contains(kCovarianceField)) return file;
   for (const auto& value : object[kCovarianceField]) {
     if (!value.is_number()) return NoCalibration(what, "camera_covariance is no list of numbers");

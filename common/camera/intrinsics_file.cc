@@ -18,6 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "common/status/status_macros.h"
+#include "common/text/nesting.h"
 
 namespace rigcal {
 namespace {
@@ -27,30 +28,19 @@ absl::Status YamlLineError(const std::string& path, int line, const std::string&
   return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", why));
 }
 
-// OpenCV's parser recurses once per level and has no limit of its own.
-constexpr int kMaxNesting = 32;
-
 // Refuses what OpenCV's parser does not survive: bytes that are not text, and deep nesting.
 absl::Status CheckBytes(const std::string& path, const std::string& text) {
   int line = 1;
-  int depth = 0;
-  int dashes = 0;  // "- - - -" nests as well
   for (const char c : text) {
     const unsigned char byte = static_cast<unsigned char>(c);
     if ((byte < 0x20 && c != '\n' && c != '\r' && c != '\t') || byte == 0x7f) {
       return YamlLineError(path, line,
                            absl::StrCat("byte 0x", absl::Hex(byte), " is not text; is this YAML?"));
     }
-    if (c == '[' || c == '{') ++depth;
-    if ((c == ']' || c == '}') && depth > 0) --depth;
-    if (c == '-') ++dashes;
-    if (c != '-' && c != ' ') dashes = 0;
-    if (depth > kMaxNesting || dashes > kMaxNesting) {
-      return YamlLineError(path, line, absl::StrCat("nested more than ", kMaxNesting, " deep"));
-    }
     if (c == '\n') ++line;
   }
-  return absl::OkStatus();
+  const std::optional<int> deep = LineNestedTooDeep(NestedFormat::kYaml, text);
+  return deep ? YamlLineError(path, *deep, kNestedTooDeep) : absl::OkStatus();
 }
 
 // A line of the one document that a calibration file has: a field, or part of a field.

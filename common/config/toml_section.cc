@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/options/nearest_name.h"
+#include "common/text/nesting.h"
 #include "common/text/shortest_text.h"
 
 namespace rigcal {
@@ -29,8 +30,12 @@ absl::StatusOr<TomlFile> ReadTomlFile(const std::string& path) {
   std::ostringstream text;
   text << stream.rdbuf();
   if (!stream) return absl::UnavailableError(absl::StrCat("cannot read ", path));
+  const std::string content = text.str();
+  if (const auto line = LineNestedTooDeep(NestedFormat::kToml, content)) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ":", *line, ": ", kNestedTooDeep));
+  }
   try {
-    return TomlFile{.path = path, .root = toml::parse(text.str(), path), .faults = {}};
+    return TomlFile{.path = path, .root = toml::parse(content, path), .faults = {}};
   } catch (const toml::parse_error& parse_error) {
     return absl::InvalidArgumentError(absl::StrCat(path, ":", parse_error.source().begin.line, ": ",
                                                    std::string(parse_error.description())));

@@ -16,6 +16,7 @@
 namespace rigcal {
 namespace {
 
+#include "common/text/nesting.h"
 using Json = nlohmann::ordered_json;
 
 constexpr char kCaFile[] = "ca.crt";
@@ -48,7 +49,7 @@ std::string FormatServers(const PeerIdentity& identity) {
 }
 
 absl::Status ParseServers(std::string_view text, PeerIdentity* identity) {
-  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const Json json = ParseJson<Json>(text);
   if (!json.is_object()) return absl::InvalidArgumentError("not a JSON object");
   RIGCAL_RETURN_IF_ERROR(ReadAddresses(json, "grpc", &identity->grpc));
   return ReadAddresses(json, "https", &identity->https);

@@ -130,7 +130,7 @@ absl::StatusOr<ImportedCamera> CameraFromToml(const std::string& path, const std
 }  // namespace
 
 absl::StatusOr<ImportedRig> ReadCaliscope(const std::string& path, const std::string& text) {
-  RIGCAL_RETURN_IF_ERROR(CheckText(path, text));
+  RIGCAL_RETURN_IF_ERROR(CheckText(path, text, NestedFormat::kToml));
   // toml++ 3.3 has undefined behaviour for some letters beyond ASCII where none may be; names of
   // cameras have none anyhow.
   std::string ascii = text;

@@ -37,6 +37,12 @@ absl::Status CheckText(const std::string& path, const std::string& text) {
   return absl::OkStatus();
 }
 
+absl::Status CheckText(const std::string& path, const std::string& text, NestedFormat format) {
+  RIGCAL_RETURN_IF_ERROR(CheckText(path, text));
+  const std::optional<int> line = LineNestedTooDeep(format, text);
+  return line ? ImportError(path, *line, kNestedTooDeep) : absl::OkStatus();
+}
+
 absl::StatusOr<Eigen::Quaterniond> RotationFrom(const Eigen::Matrix3d& matrix) {
   if (!matrix.allFinite()) return absl::InvalidArgumentError("the rotation is not finite");
   const double off =

@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "common/camera/intrinsics.h"
 #include "common/geometry/rigid_transform.h"
+#include "common/text/nesting.h"
 
 namespace rigcal {
 
@@ -34,6 +35,9 @@ absl::Status ImportError(const std::string& path, int line, const std::string& w
 
 // INVALID_ARGUMENT: control characters, with which parsers of texts cannot be trusted.
 absl::Status CheckText(const std::string& path, const std::string& text);
+
+// The same, and INVALID_ARGUMENT for a text that nests deeper than its parser survives.
+absl::Status CheckText(const std::string& path, const std::string& text, NestedFormat format);
 
 // The rotation that a file's matrix says. INVALID_ARGUMENT: not finite, not a rotation, or
 // mirrored; the message has no place in it.

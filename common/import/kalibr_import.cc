@@ -155,7 +155,7 @@ absl::StatusOr<ImportedCamera> CameraFrom(const std::string& path, const KalibrC
 }  // namespace
 
 absl::StatusOr<ImportedRig> ReadKalibr(const std::string& path, const std::string& text) {
-  RIGCAL_RETURN_IF_ERROR(CheckText(path, text));
+  RIGCAL_RETURN_IF_ERROR(CheckText(path, text, NestedFormat::kYaml));
   YAML::Node root;
   try {
     root = YAML::Load(text);

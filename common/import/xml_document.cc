@@ -13,6 +13,7 @@
 #include "absl/strings/str_split.h"
 #include "common/import/imported_rig.h"
 #include "common/status/status_macros.h"
+#include "common/text/nesting.h"
 
 namespace rigcal {
 namespace {
@@ -27,6 +28,9 @@ XmlDocument::XmlDocument(std::string path, xmlDoc* document)
 absl::StatusOr<XmlDocument> XmlDocument::Parse(const std::string& path, const std::string& text) {
   if (text.size() > static_cast<size_t>(std::numeric_limits<int>::max())) {
     return ImportError(path, 0, "is too large");
+  }
+  if (const auto line = LineNestedTooDeep(NestedFormat::kXml, text)) {
+    return ImportError(path, *line, kNestedTooDeep);
   }
   const std::unique_ptr<xmlParserCtxt, decltype(&xmlFreeParserCtxt)> parser(xmlNewParserCtxt(),
                                                                             &xmlFreeParserCtxt);

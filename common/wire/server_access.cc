@@ -19,6 +19,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 
+#include "common/text/nesting.h"
 namespace rigcal::wire {
 namespace {
 
@@ -38,7 +39,8 @@ std::filesystem::path BaseFolder(const char* variable, const char* below) {
 std::vector<std::string> JoinedServers(const ClientIdentity& identity) {
   if (!identity.Exists()) return {};
   std::ifstream stream(identity.folder / "servers.json");
-  const auto servers = nlohmann::json::parse(stream, nullptr, /*allow_exceptions=*/false);
+  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  const auto servers = ParseJson<nlohmann::json>(text);
   std::vector<std::string> addresses;
   if (!servers.is_object() || !servers.contains("grpc") || !servers["grpc"].is_array()) {
     return addresses;

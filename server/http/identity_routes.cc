@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/identity/certificate.h"
 #include "common/status/status_macros.h"
+#include "common/text/nesting.h"
 
 namespace rigcal::server {
 namespace {
@@ -26,7 +27,7 @@ HttpResponse JsonResponse(unsigned status, const RouteJson& json) {
 // Two texts of a JSON object. INVALID_ARGUMENT: it is none, or lacks one of them.
 absl::Status ReadTwoTexts(const std::string& body, const char* first_key, std::string* first,
                           const char* second_key, std::string* second) {
-  const RouteJson json = RouteJson::parse(body, nullptr, /*allow_exceptions=*/false);
+  const auto json = ParseJson<RouteJson>(body);
   for (const auto& [key, text] : {std::pair{first_key, first}, {second_key, second}}) {
     if (!json.is_object() || !json.contains(key) || !json[key].is_string()) {
       return absl::InvalidArgumentError(

@@ -11,6 +11,7 @@
 #include "absl/strings/strip.h"
 #include "common/identity/private_key.h"
 #include "common/status/status_macros.h"
+#include "common/text/nesting.h"
 
 namespace rigcal::server {
 namespace {
@@ -47,7 +48,7 @@ std::string CookieOf(const IdentityAuthority& authority, const std::string& secr
 }
 
 absl::StatusOr<std::string> TokenOf(const std::string& body) {
-  const LoginJson json = LoginJson::parse(body, nullptr, /*allow_exceptions=*/false);
+  const auto json = ParseJson<LoginJson>(body);
   if (json.is_object() && json.contains("token") && json["token"].is_string()) {
     return json["token"].get<std::string>();
   }

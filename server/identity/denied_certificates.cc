@@ -35,7 +35,7 @@ absl::StatusOr<DeniedCertificates::Entries> DeniedCertificates::Read() const {
   if (!text.ok()) return text.status();
   const absl::Status damaged = absl::DataLossError(
       absl::StrCat(file_.string(), " is damaged, so nobody is let in; restore it from a backup"));
-  const IdentityJson json = IdentityJson::parse(*text, nullptr, /*allow_exceptions=*/false);
+  const auto json = ParseJson<IdentityJson>(*text);
   if (!json.is_object() || !json.contains("denied") || !json["denied"].is_array()) return damaged;
   Entries entries;
   for (const IdentityJson& item : json["denied"]) {

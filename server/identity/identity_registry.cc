@@ -48,7 +48,7 @@ absl::StatusOr<IdentityRegistry> IdentityRegistry::Open(std::filesystem::path fi
   const absl::StatusOr<std::string> text = ReadSmallFile(registry.file_);
   if (absl::IsNotFound(text.status())) return registry;
   if (!text.ok()) return text.status();
-  const IdentityJson json = IdentityJson::parse(*text, nullptr, /*allow_exceptions=*/false);
+  const auto json = ParseJson<IdentityJson>(*text);
   bool good = json.is_object() && json.contains("identities") && json["identities"].is_array();
   if (good) {
     for (const IdentityJson& entry : json["identities"]) {

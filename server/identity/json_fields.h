@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/time/time.h"
+#include "common/text/nesting.h"
 
 namespace rigcal::server {
 

@@ -67,7 +67,7 @@ absl::StatusOr<TokenStore> TokenStore::Open(std::filesystem::path file) {
   const absl::StatusOr<std::string> text = ReadSmallFile(store.file_);
   if (absl::IsNotFound(text.status())) return store;
   if (!text.ok()) return text.status();
-  const IdentityJson json = IdentityJson::parse(*text, nullptr, /*allow_exceptions=*/false);
+  const auto json = ParseJson<IdentityJson>(*text);
   bool good = json.is_object() && json.contains("tokens") && json["tokens"].is_array();
   if (good) {
     for (const IdentityJson& entry : json["tokens"]) {

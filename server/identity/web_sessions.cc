@@ -48,7 +48,7 @@ absl::StatusOr<WebSessions> WebSessions::Open(std::filesystem::path file) {
   const absl::StatusOr<std::string> text = ReadSmallFile(sessions.file_);
   if (absl::IsNotFound(text.status())) return sessions;
   if (!text.ok()) return text.status();
-  const IdentityJson json = IdentityJson::parse(*text, nullptr, /*allow_exceptions=*/false);
+  const auto json = ParseJson<IdentityJson>(*text);
   bool good = json.is_object() && json.contains("sessions") && json["sessions"].is_array();
   if (good) {
     for (const IdentityJson& entry : json["sessions"]) {

@@ -13,6 +13,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "common/status/status_macros.h"
+#include "common/text/nesting.h"
 #include "rigcal/v1/live_service.pb.h"
 
 namespace rigcal::server {
@@ -33,6 +34,9 @@ absl::Status ParseJson(const std::string& json, Message* message) {
   const size_t begin = json.find_first_not_of(" \t\r\n");
   if (begin == std::string::npos) return absl::OkStatus();
   if (json[begin] != '{') return absl::InvalidArgumentError("the body must be a JSON object");
+  if (LineNestedTooDeep(NestedFormat::kJson, json)) {
+    return absl::InvalidArgumentError(absl::StrCat("the body ", kNestedTooDeep));
+  }
   try {
     const auto status = google::protobuf::util::JsonStringToMessage(json, message);
     if (status.ok()) return absl::OkStatus();

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/escaping.h"
@@ -13,6 +14,7 @@
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
 #include "server/session/durable_file.h"
+#include "common/text/nesting.h"
 
 namespace rigcal::server {
 namespace {
@@ -40,7 +42,8 @@ absl::Status AgentRegistry::Read() {
   if (options_.file.empty() || !fs::exists(options_.file, error)) return absl::OkStatus();
   try {
     std::ifstream stream(options_.file);
-    const nlohmann::json file = nlohmann::json::parse(stream);
+    const std::string text{std::istreambuf_iterator<char>(stream), {}};
+    const auto file = ParseJson<nlohmann::json>(text);
     for (const nlohmann::json& agent : file.at("agents")) {
       installations_[agent.at("agent_id")] = {.credential = agent.at("secret_sha256"),
                                               .host = agent.at("host")};

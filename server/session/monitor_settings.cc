@@ -2,6 +2,7 @@
 #include "server/session/monitor_settings.h"
 
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
@@ -9,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "common/text/nesting.h"
 #include "server/session/durable_file.h"
 
 namespace rigcal::server {
@@ -46,7 +48,8 @@ absl::Status MonitorSettings::Read() {
   if (file_.empty() || !std::filesystem::exists(file_, error)) return absl::OkStatus();
   try {
     std::ifstream stream(file_);
-    const nlohmann::json file = nlohmann::json::parse(stream);
+    const std::string text{std::istreambuf_iterator<char>(stream), {}};
+    const auto file = ParseJson<nlohmann::json>(text);
     for (const auto& [rig, name] : file.at("rigs").items()) {
       const std::optional<MonitorMode> mode = MonitorModeOf(name.get<std::string>());
       if (!mode) throw std::runtime_error(absl::StrCat("rig ", rig, " has an unknown mode"));

@@ -136,6 +136,39 @@ TEST(Usage, ExitsWithTwo) {
   EXPECT_EQ(RunCommand({"rigcal", "local"}).exit_code, 2);
 }
 
+// Each would end the program that parses it.
+TEST(Configuration, AFileOfFiftyThousandLevelsIsRefusedByEveryProgram) {
+  const TemporaryDirectory directory;
+  std::string dots, brackets;
+  for (int i = 0; i < 50'000; ++i) {
+    dots += ".a";
+    brackets += "[";
+  }
+  const auto write = [&](const char* name, const std::string& text) {
+    return directory.WriteFile(name, text).string();
+  };
+  const std::string store = (directory.path() / "store").string();
+  const std::string state = (directory.path() / "state").string();
+  const std::string toml = write("deep.toml", "[a" + dots + "]\n");
+  const std::vector<std::vector<std::string>> commands = {
+      {"rigcal-server", "--config", toml, "--data-dir", store},
+      {"rigcal-agent", "--config", toml, "--state-dir", state, "--source", "sim:camera=0"},
+      {"rigcal-agent", "join", "rk1.x", "--config", toml},
+      {"rigcal", "calibration", "import", toml, "--output", store},
+      {"rigcal", "calibration", "import", write("deep.yaml", "cam0: " + brackets), "--output",
+       store},
+      {"rigcal", "calibration", "import", write("deep.json", "{\"a\": " + brackets), "--output",
+       store},
+      {"rigcal-agent", "--state-dir", state, "--source",
+       "sim:camera=0;calibration=" + write("lens.yaml", "%YAML:1.0\na: " + brackets)},
+  };
+  for (const std::vector<std::string>& command : commands) {
+    const CommandResult result = RunCommand(command);
+    EXPECT_THAT(result.exit_code, AnyOf(1, 2))
+        << command[0] << " " << command[1] << " " << result.error;
+  }
+}
+
 TEST(Configuration, UnknownKeyNamesFileAndLine) {
   const TemporaryDirectory directory;
   const auto file =

@@ -3,6 +3,7 @@
 
 #include <fstream>
 #include <functional>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <system_error>
@@ -11,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "agent/capture/static_mask.h"
 #include "common/status/status_macros.h"
+#include "common/text/nesting.h"
 
 namespace rigcal::agent {
 namespace {
@@ -52,7 +54,8 @@ json ToJson(const ColourRange& colour) {
 absl::StatusOr<ColourRange> ReadColour(const fs::path& path) {
   try {
     std::ifstream stream(path, std::ios::binary);
-    const json kept = json::parse(stream);
+    const std::string text{std::istreambuf_iterator<char>(stream), {}};
+    const json kept = ParseJson<json>(text);
     const ColourRange colour = {.hue_min_deg = kept.at("hue_min").get<double>(),
                                 .hue_max_deg = kept.at("hue_max").get<double>(),
                                 .saturation_min = kept.at("saturation_min").get<double>(),

@@ -191,6 +191,12 @@ TEST_F(ReadIntrinsics, RefusesBinaryAndDeepNesting) {
   std::string dashes = "%YAML:1.0\na:\n  ";
   for (int i = 0; i < 50000; ++i) dashes += "- ";
   ExpectRefused(Read(dashes), "nested", "line 3");
+  // What is in quotes or in a comment closes nothing.
+  std::string quoted = "%YAML:1.0\na: ", commented = quoted;
+  for (int i = 0; i < 30000; ++i) quoted += "[\"]\",";
+  for (int i = 0; i < 30000; ++i) commented += "[ # ]\n ";
+  ExpectRefused(Read(quoted), "nested", "line 2");
+  ExpectRefused(Read(commented), "nested", "line 64");
 }
 
 // OpenCV's own parser never comes back from these.

@@ -154,6 +154,23 @@ TEST_F(ServerConfigTest, RefusesValuesThatCannotBeMeant) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("max_agents")));
 }
 
+// Deep enough to end the program, in each way of writing it.
+TEST_F(ServerConfigTest, RefusesDeepNesting) {
+  std::string header = "[a", key = "a", tables = "a = ", lists = "a = ";
+  for (int i = 0; i < 50'000; ++i) {
+    header += ".a";
+    key += ".a";
+    tables += "{a = ";
+    lists += "[";
+  }
+  for (const std::string& deep :
+       {header + "]\n", key + " = 1\n", tables, lists, "[" + header + "]]"}) {
+    EXPECT_THAT(Read("\n" + deep),
+                StatusIs(absl::StatusCode::kInvalidArgument,
+                         AllOf(HasSubstr("server.toml:2: "), HasSubstr("nested more than 64"))));
+  }
+}
+
 TEST_F(ServerConfigTest, NamesAFileThatIsMissingOrNoToml) {
   EXPECT_THAT(ReadServerConfig("/nowhere/server.toml"),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("/nowhere/server.toml")));

@@ -331,6 +331,26 @@ TEST(ReadCalibrationFile, RefusesWhatIsNoCalibration) {
   }
 }
 
+TEST(ReadCalibrationFile, RefusesDeepNesting) {
+  const TemporaryDirectory directory;
+  const auto repeated = [](const std::string& text) {
+    std::string all;
+    for (int i = 0; i < 50'000; ++i) all += text;
+    return all;
+  };
+  const BadText files[] = {{"header.toml", "", "", "line 1"},
+                           {"lists.yaml", "", "", "line 2"},
+                           {"tags.xml", "", "", "line 1"}};
+  const std::string texts[] = {"[cam_0" + repeated(".a") + "]\n",
+                               "cam0:\n  T: " + repeated("[\"]\","), repeated("<a>")};
+  for (size_t i = 0; i < std::size(files); ++i) {
+    EXPECT_THAT(ReadCalibrationFile(directory.WriteFile(files[i].what, texts[i]).string()),
+                StatusIs(absl::StatusCode::kInvalidArgument,
+                         AllOf(HasSubstr(files[i].what), HasSubstr(files[i].says),
+                               HasSubstr("nested more than 64"))));
+  }
+}
+
 // An entity that unfolds to gigabytes, and one that names a file of this machine.
 TEST(ReadCalibrationFile, UnfoldsNoEntities) {
   const TemporaryDirectory directory;

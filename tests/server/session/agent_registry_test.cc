@@ -124,7 +124,9 @@ TEST_F(AgentRegistry, TheFileIsForThisUserAndADamagedOneIsNamed) {
   struct stat status {};
   ASSERT_EQ(stat(file_.c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0600u);
-  for (const char* damaged : {"", "{", "[]", R"({"agents": [{}], "cameras": []})"}) {
+  for (const std::string& damaged :
+       {std::string(), std::string("{"), std::string("[]"),
+        std::string(R"({"agents": [{}], "cameras": []})"), std::string(1'000'000, '[')}) {
     std::ofstream(file_) << damaged;
     EXPECT_THAT(server::AgentRegistry::Open({.file = file_}),
                 StatusIs(absl::StatusCode::kDataLoss, HasSubstr("agents.json")))

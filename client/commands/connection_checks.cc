@@ -48,6 +48,10 @@ Check ExpiredServer(const ConnectionFacts& facts, const std::string& end) {
 }
 
 Check RefusedClient(const ConnectionFacts& facts) {
+  if (!facts.identity_fault.ok()) {
+    return Failed("the server wants a certificate, and that of this user cannot be used",
+                  kJoinAgain);
+  }
   if (!facts.has_identity) {
     return Failed("the server wants a certificate, and this user has none", kJoinAgain);
   }
@@ -148,6 +152,7 @@ ConnectionFacts GatherConnectionFacts(const std::string& address) {
   const IdentityFolder folder = IdentityFolder::OfUser(UserConfigFolder());
   const absl::StatusOr<PeerIdentity> identity = folder.Load();
   facts.has_identity = identity.ok();
+  if (folder.Exists()) facts.identity_fault = identity.status();
   facts.probe = ProbeTls(address, identity.ok() ? &*identity : nullptr, kProbeTimeout);
   if (!identity.ok()) return facts;
   const absl::StatusOr<Certificate> own = ParseCertificate(identity->certificate_pem);
@@ -168,6 +173,55 @@ ConnectionFacts GatherConnectionFacts(const std::string& address) {
   facts.renewal = renewed.status();
   if (renewed.ok() && renewed->has_value()) facts.renewal = folder.Renew(**renewed);
   return facts;
+}
+
+namespace {
+
+Check CheckAgentIdentity(const IdentityFolder& folder) {
+  Check check{CheckLevel::kFail, "identity", "", ""};
+  const std::string again =
+      absl::StrCat("use it here: rigcal-agent join STRING --force --state-dir ",
+                   folder.path().parent_path().string());
+  const absl::StatusOr<PeerIdentity> identity = folder.Load();
+  if (!identity.ok()) {
+    check.message = std::string(identity.status().message());
+    check.advice =
+        "on the server PC `rigcal token create --name AGENT` prints a new join string; " + again;
+    return check;
+  }
+  const absl::StatusOr<Certificate> certificate = ParseCertificate(identity->certificate_pem);
+  const std::string name = certificate.ok() ? certificate->name : "?";
+  const auto renewed = RenewIdentity(*identity, kProbeTimeout);
+  if (renewed.ok()) {
+    if (renewed->has_value()) (void)folder.Renew(**renewed).ok();
+    return {CheckLevel::kOk, "identity",
+            absl::StrCat("agent ", name, ": its server takes its certificate")};
+  }
+  check.message = absl::StrCat("agent ", name, ": ", std::string(renewed.status().message()));
+  if (absl::IsUnavailable(renewed.status())) {
+    check.level = CheckLevel::kWarn;
+    check.advice = "its server cannot be asked whether it takes the agent's certificate";
+  } else {
+    check.advice = absl::StrCat("on the server PC `rigcal token create --name ", name,
+                                "` prints a new join string; ", again);
+  }
+  return check;
+}
+
+}  // namespace
+
+std::vector<Check> CheckIdentities() {
+  std::vector<Check> checks;
+  const IdentityFolder own = IdentityFolder::OfUser(UserConfigFolder());
+  if (own.Exists()) {
+    if (const absl::Status fault = own.Load().status(); !fault.ok()) {
+      checks.push_back({CheckLevel::kFail, "identity", std::string(fault.message()), kJoinAgain});
+    }
+  }
+  for (const IdentityFolder& folder : DefaultAgentIdentities()) {
+    checks.push_back(CheckAgentIdentity(folder));
+  }
+  return checks;
 }
 
 }  // namespace rigcal::client

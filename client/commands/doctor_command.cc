@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "client/net/paging.h"
@@ -17,7 +18,8 @@ const char* LevelName(CheckLevel level) {
 }
 
 Check CannotAsk(std::string name, const absl::Status& status) {
-  return {CheckLevel::kFail, std::move(name), std::string(status.message())};
+  return {CheckLevel::kFail, std::move(name),
+          absl::StrReplaceAll(std::string(status.message()), {{"\n", " "}})};
 }
 
 // All sessions; those that capture or drain with their cameras, which lists leave out.
@@ -102,6 +104,7 @@ ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context) {
   std::vector<Check> checks = status.ok() ? CheckServer(server, *status)
                                           : std::vector{CannotAsk("server", status.status())};
   if (UsesTls(context.server)) AddConnectionChecks(context.server, &checks);
+  for (Check& check : CheckIdentities()) checks.push_back(std::move(check));
   const bool ok = std::ranges::find(checks, CheckLevel::kFail, &Check::level) == checks.end();
   if (context.console.format == OutputFormat::kJson) {
     PrintJson(server.address(), checks, ok, context.console.out);

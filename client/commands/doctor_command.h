@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
@@ -36,6 +37,7 @@ ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context);
 struct ConnectionFacts {
   std::string address;
   bool has_identity = false;
+  absl::Status identity_fault = absl::OkStatus();  // this user has one that cannot be used
   TlsProbe probe = {};
   std::optional<absl::Time> own_end = {};          // of this user's certificate
   std::optional<absl::Duration> clock_ahead = {};  // of this PC, against the server
@@ -44,6 +46,10 @@ struct ConnectionFacts {
 // The server is on another PC, or this user has joined it.
 bool UsesTls(const std::string& address);
 ConnectionFacts GatherConnectionFacts(const std::string& address);
+
+// The identities that this user and his agents have on this PC: whether they can be used, and, of
+// an agent, whether its server takes it. Asks the servers.
+std::vector<Check> CheckIdentities();
 
 // The checks, each for itself.
 Check ExplainConnection(const ConnectionFacts& facts);

@@ -16,7 +16,9 @@
 #include <exception>
 
 #include "absl/strings/str_cat.h"
+#include "common/identity/certificate.h"
 #include "common/identity/join_string.h"
+#include "common/identity/openssl_handles.h"
 
 namespace rigcal {
 namespace {
@@ -36,9 +38,17 @@ absl::Status Unreachable(const HttpsRequest& request, const std::string& why) {
 // Makes the handshake fail unless the certificate is for this host and of the CA.
 absl::Status RequireServer(const HttpsRequest& request, const std::string& host,
                            asio::ssl::context* context, TlsStream* stream) {
-  ErrorCode error;
-  context->add_certificate_authority(asio::buffer(request.ca_pem), error);
-  if (error) return absl::InvalidArgumentError("the CA's certificate cannot be read");
+  // add_certificate_authority() would trust every certificate in the text.
+  const absl::StatusOr<Certificate> ca = ParseOnlyCertificate(request.ca_pem);
+  if (!ca.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the CA's certificate ", std::string(ca.status().message())));
+  }
+  const openssl::CertificatePtr x509 = openssl::CertificateFromPem(ca->pem);
+  X509_STORE* const trusted = SSL_CTX_get_cert_store(context->native_handle());
+  if (!x509 || X509_STORE_add_cert(trusted, x509.get()) != 1) {
+    return openssl::Error("trust the CA's certificate");
+  }
   SSL* const ssl = stream->native_handle();
   X509_VERIFY_PARAM* const rules = SSL_get0_param(ssl);
   X509_VERIFY_PARAM_set_flags(rules, X509_V_FLAG_NO_CHECK_TIME);

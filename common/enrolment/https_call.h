@@ -15,8 +15,9 @@ struct HttpsRequest {
   std::string method;     // "GET"
   std::string path;       // "/v1/ca"
   std::string body = {};  // JSON
-  // The CA that must have signed the server's certificate. Empty: any server may answer, so nothing
-  // that is secret may be sent, and nothing in the answer is to be believed without a check.
+  // The CA that must have signed the server's certificate: one certificate, as
+  // ParseOnlyCertificate. Empty: any server may answer, so nothing that is secret may be sent, and
+  // nothing in the answer is to be believed without a check.
   std::string ca_pem = {};
   std::chrono::milliseconds timeout{10'000};  // for all of it
 };

@@ -9,6 +9,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/enrolment/enrolment_answers.h"
 #include "common/enrolment/https_call.h"
 #include "common/identity/certificate.h"
 #include "common/identity/certificate_request.h"
@@ -20,35 +21,6 @@ namespace {
 
 using EnrolmentJson = nlohmann::ordered_json;
 
-// What the server says of a request that it refuses.
-absl::Status RefusalOf(const std::string& address, const HttpsAnswer& answer) {
-  const auto json = EnrolmentJson::parse(answer.body, nullptr, /*allow_exceptions=*/false);
-  if (!json.is_object() || !json.contains("code") || !json["code"].is_string() ||
-      !json.contains("message") || !json["message"].is_string()) {
-    return absl::UnavailableError(absl::StrCat("the server at ", address, " answered with HTTP ",
-                                               answer.status,
-                                               ": it is another program or another version"));
-  }
-  absl::StatusCode code = absl::StatusCode::kInternal;
-  const std::string name = json["code"].get<std::string>();
-  for (const absl::StatusCode known :
-       {absl::StatusCode::kInvalidArgument, absl::StatusCode::kUnauthenticated,
-        absl::StatusCode::kPermissionDenied, absl::StatusCode::kAlreadyExists,
-        absl::StatusCode::kResourceExhausted, absl::StatusCode::kUnavailable}) {
-    if (absl::StatusCodeToString(known) == name) code = known;
-  }
-  return absl::Status(code, json["message"].get<std::string>());
-}
-
-absl::Status ReadIssued(const std::string& body, PeerIdentity* identity) {
-  const auto json = EnrolmentJson::parse(body, nullptr, /*allow_exceptions=*/false);
-  if (!json.is_object() || !json.contains("certificate") || !json["certificate"].is_string()) {
-    return absl::UnavailableError("the server's answer holds no certificate");
-  }
-  identity->certificate_pem = json["certificate"].get<std::string>();
-  return ParseServers(body, identity);
-}
-
 // Sends what only the server may see; it is verified with the identity's CA.
 absl::Status AskForCertificate(const std::string& address, const std::string& path,
                                const EnrolmentJson& body, std::chrono::milliseconds timeout,
@@ -59,12 +31,7 @@ absl::Status AskForCertificate(const std::string& address, const std::string& pa
                                                                .body = body.dump(),
                                                                .ca_pem = identity->ca_pem,
                                                                .timeout = timeout}));
-  if (answer.status != 200) return RefusalOf(address, answer);
-  PeerIdentity issued = *identity;
-  RIGCAL_RETURN_IF_ERROR(ReadIssued(answer.body, &issued));
-  RIGCAL_RETURN_IF_ERROR(CheckIdentity(issued));
-  *identity = std::move(issued);
-  return absl::OkStatus();
+  return ReadIssued(address, answer, identity);
 }
 
 absl::StatusOr<std::string> FetchCa(const std::string& address, const JoinString& join,
@@ -72,19 +39,7 @@ absl::StatusOr<std::string> FetchCa(const std::string& address, const JoinString
   RIGCAL_ASSIGN_OR_RETURN(
       const HttpsAnswer answer,
       CallHttps({.address = address, .method = "GET", .path = "/v1/ca", .timeout = timeout}));
-  const absl::StatusOr<Certificate> ca = ParseCertificate(answer.body);
-  if (answer.status != 200 || !ca.ok()) {
-    return absl::UnavailableError(
-        absl::StrCat("at ", address, " is no rigcal server: it shows no certificate of a CA"));
-  }
-  if (ca->sha256 == join.ca_sha256) return answer.body;
-  return absl::FailedPreconditionError(absl::StrCat(
-      "the server at ", address, " is not the one that made the join string: its CA is ",
-      absl::BytesToHexString(ca->sha256.substr(0, 8)), "..., that of the string ",
-      absl::BytesToHexString(join.ca_sha256.substr(0, 8)),
-      "... Nothing was sent to it. Either the server was set up anew since (make a new join "
-      "string), "
-      "or somebody else answers at its address"));
+  return ReadCa(address, answer, join);
 }
 
 // Unreachable hosts are passed over; any other answer counts.
@@ -145,7 +100,8 @@ absl::StatusOr<std::optional<PeerIdentity>> RenewIdentity(const PeerIdentity& id
   RIGCAL_RETURN_IF_ERROR(TryInTurn(identity.https, [&](const std::string& address) {
     return AskForCertificate(address, "/v1/renew", body, timeout, &renewed);
   }));
-  if (renewed.certificate_pem == identity.certificate_pem) return std::nullopt;
+  RIGCAL_ASSIGN_OR_RETURN(const Certificate answered, ParseCertificate(renewed.certificate_pem));
+  if (answered.sha256 == certificate.sha256) return std::nullopt;
   return renewed;
 }
 

@@ -3,6 +3,7 @@
 
 #include <arpa/inet.h>
 #include <openssl/err.h>
+#include <openssl/pem.h>
 
 #include <algorithm>
 #include <array>
@@ -10,6 +11,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "common/identity/openssl_handles.h"
 #include "common/identity/private_key.h"
@@ -104,6 +106,17 @@ Certificate CertificateOf(X509* x509) {
   return certificate;
 }
 
+// Of any kind: some readers of PEM take more kinds than others.
+size_t PemBlocks(std::string_view text) {
+  constexpr std::string_view kBegin = "-----BEGIN ";
+  size_t blocks = 0;
+  for (size_t at = text.find(kBegin); at != std::string_view::npos;
+       at = text.find(kBegin, at + kBegin.size())) {
+    ++blocks;
+  }
+  return blocks;
+}
+
 }  // namespace
 
 absl::StatusOr<Certificate> ParseCertificate(std::string_view pem) {
@@ -112,6 +125,32 @@ absl::StatusOr<Certificate> ParseCertificate(std::string_view pem) {
   Certificate certificate = CertificateOf(x509.get());
   certificate.pem = std::string(pem);
   return certificate;
+}
+
+absl::StatusOr<Certificate> ParseCertificateFile(std::string_view text) {
+  if (const size_t blocks = PemBlocks(text); blocks > 1) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("holds ", blocks, " PEM blocks where one certificate is expected"));
+  }
+  const openssl::CertificatePtr x509 = openssl::CertificateFromPem(text);
+  if (!x509) return absl::InvalidArgumentError("is not a certificate in PEM form");
+  const openssl::BioPtr out = openssl::WriteBio();
+  if (PEM_write_bio_X509(out.get(), x509.get()) != 1) return openssl::Error("write a certificate");
+  Certificate certificate = CertificateOf(x509.get());
+  certificate.pem = openssl::TextOf(out);
+  return certificate;
+}
+
+absl::StatusOr<Certificate> ParseOnlyCertificate(std::string_view pem) {
+  auto certificate = ParseCertificateFile(pem);
+  if (!certificate.ok()) return certificate;
+  const absl::string_view block =
+      absl::StripAsciiWhitespace(absl::string_view(pem.data(), pem.size()));
+  if (absl::StartsWith(block, "-----BEGIN CERTIFICATE-----") &&
+      absl::EndsWith(block, "-----END CERTIFICATE-----")) {
+    return certificate;
+  }
+  return absl::InvalidArgumentError("holds other text beside the certificate");
 }
 
 std::string Describe(const Certificate& certificate) {

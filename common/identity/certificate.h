@@ -28,8 +28,16 @@ struct Certificate {
   absl::Time not_after = {};
 };
 
-// INVALID_ARGUMENT: not a certificate as PEM.
+// The first in the text. INVALID_ARGUMENT: not a certificate as PEM.
 absl::StatusOr<Certificate> ParseCertificate(std::string_view pem);
+
+// The one certificate that a text holds, its `pem` written anew: libraries trust every certificate
+// in a text that they are given, so none may come along unseen.
+// INVALID_ARGUMENT: the text holds none, a second PEM block, or anything else beside it; the
+// message says which: "holds 2 PEM blocks where one certificate is expected".
+absl::StatusOr<Certificate> ParseOnlyCertificate(std::string_view pem);
+// The same for a file that a person may have put there: text around its one block is left out.
+absl::StatusOr<Certificate> ParseCertificateFile(std::string_view text);
 
 // What a certificate is used for, which its "extended key usage" must allow.
 enum class CertificateUse : uint8_t { kServer, kClient };

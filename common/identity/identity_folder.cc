@@ -3,24 +3,30 @@
 
 #include <fcntl.h>
 #include <stdio.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "common/identity/durable_file.h"
+#include "common/identity/join_string.h"
 #include "common/identity/private_key.h"
 #include "common/status/status_macros.h"
+#include "common/text/nesting.h"
 
 namespace rigcal {
 namespace {
 
-#include "common/text/nesting.h"
 using Json = nlohmann::ordered_json;
 
 constexpr char kCaFile[] = "ca.crt";
 constexpr char kServersFile[] = "servers.json";
+constexpr char kAskedFile[] = "asked";
+constexpr size_t kMaxServers = 256;  // of each kind: a server names every address of its PC
 
 absl::Status ReadAddresses(const Json& json, const char* key, std::vector<std::string>* addresses) {
   const auto list = json.find(key);
@@ -32,9 +38,27 @@ absl::Status ReadAddresses(const Json& json, const char* key, std::vector<std::s
     if (!address.is_string()) {
       return absl::InvalidArgumentError(absl::StrCat("\"", key, "\" holds what is no text"));
     }
-    addresses->push_back(address.get<std::string>());
+    const std::string text = address.get<std::string>();
+    std::string host;
+    uint16_t port = 0;
+    if (!SplitHostPort(text, &host, &port) || !IsHostText(host) || port == 0 ||
+        addresses->size() >= kMaxServers) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("\"", key, "\" holds what is not HOST:PORT, or too much"));
+    }
+    addresses->push_back(text);
   }
   return absl::OkStatus();
+}
+
+// $VARIABLE, else $HOME/BELOW; empty: neither is set. The XDG specification says to ignore a
+// relative path there.
+std::filesystem::path BaseFolder(const char* variable, const char* below) {
+  const char* const folder = std::getenv(variable);
+  if (folder != nullptr && folder[0] == '/') return folder;
+  const char* const home = std::getenv("HOME");
+  if (home != nullptr && home[0] == '/') return std::filesystem::path(home) / below;
+  return {};
 }
 
 // Exchanges both in one step where the file system can; false: it cannot.
@@ -56,15 +80,22 @@ absl::Status ParseServers(std::string_view text, PeerIdentity* identity) {
 }
 
 absl::Status CheckIdentity(const PeerIdentity& identity) {
+  const auto parse = [](const char* what, const std::string& pem) -> absl::StatusOr<Certificate> {
+    auto parsed = ParseOnlyCertificate(pem);
+    if (parsed.ok()) return parsed;
+    return absl::FailedPreconditionError(
+        absl::StrCat(what, " ", std::string(parsed.status().message())));
+  };
+  RIGCAL_ASSIGN_OR_RETURN(const Certificate ca, parse("the CA's certificate", identity.ca_pem));
   RIGCAL_ASSIGN_OR_RETURN(const Certificate certificate,
-                          ParseCertificate(identity.certificate_pem));
-  RIGCAL_RETURN_IF_ERROR(CheckIssuedBy(certificate, identity.ca_pem, CertificateUse::kClient));
+                          parse("the certificate", identity.certificate_pem));
+  RIGCAL_RETURN_IF_ERROR(CheckIssuedBy(certificate, ca.pem, CertificateUse::kClient));
   return CheckKeyOf(identity.certificate_pem, identity.key_pem, "certificate and private key");
 }
 
 bool IdentityFolder::Exists() const {
   std::error_code error;
-  return std::filesystem::exists(path_ / (stem_ + ".crt"), error);
+  return !path_.empty() && std::filesystem::exists(path_ / (stem_ + ".crt"), error);
 }
 
 absl::StatusOr<PeerIdentity> IdentityFolder::Load() const {
@@ -91,6 +122,21 @@ absl::StatusOr<PeerIdentity> IdentityFolder::Load() const {
     return damaged(absl::Status(status.code(),
                                 absl::StrCat(kServersFile, ": ", std::string(status.message()))));
   }
+  for (const auto& [file, text] : {std::pair{std::string(kCaFile), &identity.ca_pem},
+                                   {stem_ + ".crt", &identity.certificate_pem}}) {
+    const absl::StatusOr<Certificate> only = ParseCertificateFile(*text);
+    if (!only.ok()) {
+      return damaged(absl::FailedPreconditionError(
+          absl::StrCat(file, " ", std::string(only.status().message()),
+                       file == kCaFile ? ": whoever has the key of another one would be trusted as "
+                                         "the server; he may have answered when this PC joined"
+                                       : "")));
+    }
+    *text = only->pem;
+  }
+  const absl::Status pair = CheckKeyOf(identity.certificate_pem, identity.key_pem,
+                                       absl::StrCat(stem_, ".key and ", stem_, ".crt"));
+  if (!pair.ok()) return damaged(pair);
   if (const absl::Status status = CheckIdentity(identity); !status.ok()) return damaged(status);
   return identity;
 }
@@ -129,14 +175,39 @@ absl::Status IdentityFolder::Renew(const PeerIdentity& identity) const {
   return WriteDurableFile(path_ / (stem_ + ".crt"), identity.certificate_pem);
 }
 
-std::filesystem::path UserConfigFolder() {
-  for (const auto& [variable, below] : {std::pair{"XDG_CONFIG_HOME", ""}, {"HOME", ".config"}}) {
-    const char* const folder = std::getenv(variable);
-    // The XDG specification says to ignore a relative path there.
-    if (folder == nullptr || folder[0] != '/') continue;
-    return std::filesystem::path(folder) / below / "rigcal";
+std::optional<absl::Time> IdentityFolder::Asked() const {
+  struct stat status {};
+  if (path_.empty() || stat((path_ / kAskedFile).c_str(), &status) != 0) return std::nullopt;
+  return absl::TimeFromTimespec(status.st_mtim);
+}
+
+void IdentityFolder::NoteAsked() const {
+  // Where it cannot be written, the server is asked again.
+  const int fd =
+      open((path_ / kAskedFile).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (fd < 0) return;
+  futimens(fd, nullptr);
+  close(fd);
+}
+
+std::vector<IdentityFolder> DefaultAgentIdentities() {
+  const std::filesystem::path base = BaseFolder("XDG_STATE_HOME", ".local/state");
+  std::vector<IdentityFolder> folders;
+  if (base.empty()) return folders;
+  std::error_code error;
+  std::filesystem::directory_iterator entry(base / "rigcal" / "agent", error);
+  while (!error && entry != std::filesystem::directory_iterator()) {
+    const IdentityFolder folder = IdentityFolder::OfAgent(entry->path());
+    if (folder.Exists()) folders.push_back(folder);
+    entry.increment(error);
   }
-  return {};
+  std::ranges::sort(folders, {}, &IdentityFolder::path);
+  return folders;
+}
+
+std::filesystem::path UserConfigFolder() {
+  const std::filesystem::path base = BaseFolder("XDG_CONFIG_HOME", ".config");
+  return base.empty() ? base : base / "rigcal";
 }
 
 }  // namespace rigcal

@@ -17,9 +17,10 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/identity/identity_folder.h"
 #include "common/status/status_macros.h"
-
 #include "common/text/nesting.h"
+
 namespace rigcal::wire {
 namespace {
 
@@ -72,14 +73,6 @@ bool Answers(const std::filesystem::path& path) {
   return answers;
 }
 
-absl::StatusOr<std::string> ReadPem(const std::filesystem::path& path) {
-  std::ifstream stream(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(stream), {}};
-  if (stream.is_open() && text.find("-----BEGIN ") != std::string::npos) return text;
-  return absl::FailedPreconditionError(
-      absl::StrCat(path.string(), " is missing or damaged; join the server again"));
-}
-
 }  // namespace
 
 ClientIdentity ClientIdentity::OfUser() {
@@ -126,13 +119,12 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> CredentialsFor(
         "has none; make a join string on the server's PC (rigcal token create), and here run ",
         identity.stem == "agent" ? "rigcal-agent join STRING" : "rigcal login STRING"));
   }
-  grpc::SslCredentialsOptions options;
-  RIGCAL_ASSIGN_OR_RETURN(options.pem_root_certs, ReadPem(identity.folder / "ca.crt"));
-  RIGCAL_ASSIGN_OR_RETURN(options.pem_cert_chain,
-                          ReadPem(identity.folder / (identity.stem + ".crt")));
-  RIGCAL_ASSIGN_OR_RETURN(options.pem_private_key,
-                          ReadPem(identity.folder / (identity.stem + ".key")));
-  return grpc::SslCredentials(options);
+  // Not the files as they are: gRPC trusts every certificate in the text of the CA.
+  RIGCAL_ASSIGN_OR_RETURN(const PeerIdentity checked,
+                          IdentityFolder::In(identity.folder, identity.stem).Load());
+  return grpc::SslCredentials({.pem_root_certs = checked.ca_pem,
+                               .pem_private_key = checked.key_pem,
+                               .pem_cert_chain = checked.certificate_pem});
 }
 
 }  // namespace rigcal::wire

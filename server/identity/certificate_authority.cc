@@ -140,11 +140,15 @@ absl::StatusOr<CertificateAuthority> CertificateAuthority::Open(
   if (const absl::Status pair = CheckKeyOf(*certificate, *key, "ca.crt and ca.key"); !pair.ok()) {
     return Broken(folder, std::string(pair.message()));
   }
-  RIGCAL_ASSIGN_OR_RETURN(const Certificate parsed, ParseCertificate(*certificate));
+  // Who joins trusts this certificate alone, whatever stands beside it in the file.
+  const absl::StatusOr<Certificate> parsed = ParseCertificateFile(*certificate);
+  if (!parsed.ok()) {
+    return Broken(folder, absl::StrCat("ca.crt ", std::string(parsed.status().message())));
+  }
   CertificateAuthority authority;
-  authority.pem_ = *std::move(certificate);
+  authority.pem_ = parsed->pem;
   authority.key_pem_ = *std::move(key);
-  authority.sha256_ = parsed.sha256;
+  authority.sha256_ = parsed->sha256;
   return authority;
 }
 

@@ -178,7 +178,12 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Enrol(std::string_v
 
 absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Renew(std::string_view certificate_pem,
                                                                    std::string_view request_pem) {
-  RIGCAL_ASSIGN_OR_RETURN(const Certificate certificate, ParseCertificate(certificate_pem));
+  const absl::StatusOr<Certificate> parsed = ParseOnlyCertificate(certificate_pem);
+  if (!parsed.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the certificate ", std::string(parsed.status().message())));
+  }
+  const Certificate& certificate = *parsed;
   RIGCAL_RETURN_IF_ERROR(CheckIssuedBy(certificate, ca_.pem(), CertificateUse::kClient));
   RIGCAL_ASSIGN_OR_RETURN(const CertificateRequest request, ParseCertificateRequest(request_pem));
   if (!certificate.role || certificate.uri != PeerUri(*certificate.role, certificate.name)) {
@@ -193,7 +198,7 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Renew(std::string_v
                      " was revoked; join again with a new "
                      "join string, which rigcal token create prints on the server PC"));
   }
-  if (request.public_key != PublicKeyOf(certificate_pem) || request.name != certificate.name ||
+  if (request.public_key != PublicKeyOf(certificate.pem) || request.name != certificate.name ||
       request.role != RoleName(*certificate.role)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the request is not for the name, role and key of the certificate of ", certificate.uri));
@@ -207,7 +212,7 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Renew(std::string_v
   // By this server's clock alone: those of PCs may be wrong.
   const absl::Time issued = certificate.not_before + kPeerBackdate;
   const bool is_due = now < issued - kPeerBackdate || now >= issued + kPeerLifetime * 2 / 3;
-  if (!is_due) return AnswerLocked(std::string(certificate_pem));
+  if (!is_due) return AnswerLocked(certificate.pem);
   return IssueLocked({*certificate.role, certificate.name, request.public_key}, /*joins=*/false,
                      now);
 }

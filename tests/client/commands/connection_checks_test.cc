@@ -58,6 +58,9 @@ TEST(ExplainConnection, SaysWhyTheServerRefuses) {
   EXPECT_THAT(ExplainConnection(facts).message,
               AllOf(HasSubstr("ended at 1970-01-01"), HasSubstr("nobody answers at 7421")));
   facts.has_identity = false;
+  facts.identity_fault = absl::FailedPreconditionError("ca.crt holds 2 PEM blocks");
+  EXPECT_THAT(ExplainConnection(facts).message, HasSubstr("cannot be used"));
+  facts.identity_fault = absl::OkStatus();
   EXPECT_THAT(ExplainConnection(facts).message, HasSubstr("wants a certificate"));
 }
 

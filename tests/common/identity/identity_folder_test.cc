@@ -17,6 +17,7 @@
 namespace rigcal::testing::identity_folder_test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 class IdentityFolder : public ::testing::Test {
@@ -80,6 +81,48 @@ TEST_F(IdentityFolder, KeepsTheOldWhereTheNewIsWrong) {
               StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("another CA has signed it")));
   ASSERT_OK_AND_ASSIGN(const PeerIdentity loaded, folder_.Load());
   EXPECT_EQ(loaded, good);
+}
+
+// A certificate beside the CA's would be trusted as much.
+TEST_F(IdentityFolder, TrustsOneCertificateOnly) {
+  const PeerIdentity good = MakeIdentity("pc-1");
+  TemporaryDirectory elsewhere;
+  const std::string other = server::CertificateAuthority::Open(elsewhere.path())->pem();
+  for (const std::string& several :
+       {good.ca_pem + other, other + good.ca_pem, good.ca_pem + good.ca_pem,
+        good.ca_pem + good.certificate_pem, good.ca_pem + "text\n"}) {
+    PeerIdentity identity = good;
+    identity.ca_pem = several;
+    EXPECT_THAT(CheckIdentity(identity), StatusIs(absl::StatusCode::kFailedPrecondition,
+                                                  HasSubstr("the CA's certificate holds")));
+    EXPECT_FALSE(folder_.Replace(identity).ok());
+    EXPECT_FALSE(folder_.Exists());
+    identity = good;
+    identity.certificate_pem = good.certificate_pem + other;
+    EXPECT_FALSE(CheckIdentity(identity).ok());
+  }
+}
+
+// As earlier versions may have left it.
+TEST_F(IdentityFolder, AFolderThatTrustsTwoIsNamed) {
+  const PeerIdentity good = MakeIdentity("pc-1");
+  TemporaryDirectory elsewhere;
+  const std::string other = server::CertificateAuthority::Open(elsewhere.path())->pem();
+  for (const auto& [file, text] :
+       {std::pair<const char*, std::string>{"ca.crt", good.ca_pem + other},
+        {"ca.crt", other + good.ca_pem},
+        {"agent.crt", good.certificate_pem + other}}) {
+    ASSERT_THAT(folder_.Replace(good), IsOk());
+    std::ofstream(folder_.path() / file, std::ios::trunc) << text;
+    EXPECT_THAT(folder_.Load(), StatusIs(absl::StatusCode::kFailedPrecondition,
+                                         AllOf(HasSubstr(folder_.path().string()), HasSubstr(file),
+                                               HasSubstr("holds 2 PEM blocks"),
+                                               HasSubstr("rigcal-agent join STRING"))));
+  }
+  ASSERT_THAT(folder_.Replace(good), IsOk());
+  std::ofstream(folder_.path() / "ca.crt", std::ios::trunc) << "Our lab:\n" << good.ca_pem;
+  ASSERT_OK_AND_ASSIGN(const PeerIdentity loaded, folder_.Load());
+  EXPECT_EQ(loaded, good) << "text does no harm, and is left out";
 }
 
 TEST_F(IdentityFolder, SaysWhatIsDamaged) {

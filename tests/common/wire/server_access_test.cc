@@ -13,6 +13,7 @@
 
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
+#include "tests/testing/test_ca.h"
 
 namespace rigcal::wire::server_access_test {
 namespace {
@@ -40,13 +41,15 @@ class ServerAccess : public ::testing::Test {
     directory_.WriteFile("state/identity/" + name, text);
   }
   void Join(const std::string& servers) const {
-    for (const char* name : {"ca.crt", "agent.crt", "agent.key"}) {
-      WriteIdentity(name, "-----BEGIN x-----\n");
-    }
+    const testing::TestCertificate agent = ca_.MakeAgent("pc1");
+    WriteIdentity("ca.crt", ca_.certificate_pem());
+    WriteIdentity("agent.crt", agent.certificate_pem);
+    WriteIdentity("agent.key", agent.key_pem);
     WriteIdentity("servers.json", servers);
   }
 
   testing::TemporaryDirectory directory_;
+  const testing::TestCa ca_;
   const ClientIdentity identity_ = ClientIdentity::OfAgent(directory_.path() / "state");
 };
 
@@ -69,7 +72,7 @@ TEST_F(ServerAccess, AnotherMachineNeedsAnIdentity) {
                        AllOf(HasSubstr("10.0.0.5:7420"), HasSubstr("rigcal-agent join"))));
   EXPECT_THAT(CredentialsFor("10.0.0.5:7420", ClientIdentity::OfUser()),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("rigcal login")));
-  Join("{}");
+  Join(R"({"grpc": [], "https": []})");
   EXPECT_THAT(CredentialsFor("10.0.0.5:7420", identity_), IsOk());
   WriteIdentity("agent.key", "");
   EXPECT_THAT(CredentialsFor("10.0.0.5:7420", identity_),
@@ -77,8 +80,18 @@ TEST_F(ServerAccess, AnotherMachineNeedsAnIdentity) {
   EXPECT_THAT(CredentialsFor("127.0.0.1:7420", identity_), IsOk()) << "needs none";
 }
 
+// gRPC would trust each of them.
+TEST_F(ServerAccess, AnIdentityThatTrustsTwoIsNotUsed) {
+  Join(R"({"grpc": [], "https": []})");
+  const testing::TestCa other;
+  WriteIdentity("ca.crt", ca_.certificate_pem() + other.certificate_pem());
+  EXPECT_THAT(CredentialsFor("10.0.0.5:7420", identity_),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("ca.crt holds 2 PEM blocks"), HasSubstr("join again"))));
+}
+
 TEST_F(ServerAccess, AServerOnThisMachineThatWasJoinedIsReachedWithTls) {
-  Join(R"({"grpc": ["127.0.0.1:7420"]})");
+  Join(R"({"grpc": ["127.0.0.1:7420"], "https": []})");
   WriteIdentity("agent.key", "");
   EXPECT_THAT(CredentialsFor("127.0.0.1:7420", identity_),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("agent.key")));

@@ -5,11 +5,16 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <filesystem>
+#include <memory>
+#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "absl/strings/escaping.h"
+#include "absl/strings/str_replace.h"
+#include "common/enrolment/https_call.h"
 #include "common/enrolment/renewal_thread.h"
 #include "common/identity/certificate_request.h"
 #include "common/identity/durable_file.h"
@@ -127,6 +132,136 @@ TEST_F(JoinServer, SendsNothingToAServerThatOnlyShowsTheCa) {
               StatusIs(absl::StatusCode::kUnauthenticated,
                        AllOf(HasSubstr("nothing was sent"), HasSubstr("CA"))));
   EXPECT_EQ(enrolments, 0);
+}
+
+// Somebody between who joins and the server: shows what he likes as the CA, and has a certificate
+// of a CA of his own.
+class Impostor {
+ public:
+  explicit Impostor(std::string ca_answer) : ca_answer_(std::move(ca_answer)) {
+    EXPECT_THAT(server::EnsureServerIdentity(data_.path(), {"127.0.0.1"}), IsOk());
+    server_ = std::make_unique<server::HttpServer>(
+        server::HttpServerOptions{.listen_address = "127.0.0.1:0",
+                                  .certificate_file = folder() / "server.crt",
+                                  .key_file = folder() / "server.key"},
+        std::vector<server::HttpRoute>{
+            {"GET", "/v1/ca",
+             [this](const server::HttpRequest&) {
+               return server::HttpResponse{.body = ca_answer_};
+             }},
+            {"POST", "/v1/enrol", [this](const server::HttpRequest& request) {
+               seen_ += request.body;
+               return server::HttpResponse{};
+             }}});
+    const auto port = server_->Start();
+    EXPECT_THAT(port, IsOk());
+    port_ = *port;
+  }
+
+  uint16_t port() const { return static_cast<uint16_t>(port_); }
+  void SetCaAnswer(std::string text) { ca_answer_ = std::move(text); }
+  std::string ca() const { return server::CertificateAuthority::Open(folder())->pem(); }
+  std::string certificate() const { return *ReadSmallFile(folder() / "server.crt"); }
+  // What was sent to /v1/enrol. Only after the server is gone.
+  std::string Seen() {
+    server_.reset();
+    return seen_;
+  }
+
+ private:
+  std::filesystem::path folder() const { return data_.path() / "identity"; }
+
+  TemporaryDirectory data_;
+  std::string ca_answer_;
+  std::string seen_;
+  std::unique_ptr<server::HttpServer> server_;
+  int port_ = 0;
+};
+
+TEST_F(JoinServer, SendsNothingToAnImpostorWhoAddsHisOwnCa) {
+  StartServer();
+  Impostor impostor("");
+  const std::string ca = authority().ca_pem();
+  const std::string his = impostor.ca();
+  const std::string trusted = absl::StrReplaceAll(his, {{"CERTIFICATE", "TRUSTED CERTIFICATE"}});
+  rigcal::JoinString join = MakeJoin();
+  const uint16_t real_port = join.https_port;
+  join.https_port = impostor.port();
+  for (const std::string& answer :
+       {ca + his, his + ca, ca + "\n" + his, ca + ca, ca + ca + his,
+        ca + impostor.certificate() + his, impostor.certificate() + his + ca, "text\n" + ca,
+        ca + "text\n", ca + "text\n" + his, ca + trusted, trusted + ca,
+        ca + std::string(1, '\0') + his}) {
+    impostor.SetCaAnswer(answer);
+    EXPECT_THAT(rigcal::JoinServer(join, "pc-1"),
+                StatusIs(absl::StatusCode::kFailedPrecondition,
+                         AllOf(HasSubstr("127.0.0.1"), HasSubstr("Nothing was sent"))))
+        << answer;
+  }
+  // What is right in itself is of no use to him.
+  impostor.SetCaAnswer(ca);
+  EXPECT_THAT(rigcal::JoinServer(join, "pc-1"),
+              StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("nothing was sent")));
+  EXPECT_EQ(impostor.Seen(), "") << "the secret was sent to him";
+  join.https_port = real_port;
+  ASSERT_OK_AND_ASSIGN(const PeerIdentity identity, rigcal::JoinServer(join, "pc-1"));
+  EXPECT_EQ(identity.ca_pem, ca) << "the join string is still good";
+}
+
+// Who gives a text of two certificates as the CA trusts neither.
+TEST_F(JoinServer, ACallTrustsOneCertificate) {
+  StartServer();
+  const Impostor impostor("");
+  for (const std::string& both :
+       {authority().ca_pem() + impostor.ca(), impostor.ca() + authority().ca_pem()}) {
+    for (const int port : {static_cast<int>(impostor.port()), this->port()}) {
+      EXPECT_THAT(CallHttps({.address = "127.0.0.1:" + std::to_string(port),
+                             .method = "GET",
+                             .path = "/v1/ca",
+                             .ca_pem = both}),
+                  StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("holds 2 PEM blocks")));
+    }
+  }
+}
+
+// The answer to a renewal comes from the server itself; a chain in it must not be kept all the
+// same.
+TEST_F(JoinServer, TakesOneCertificateAndNoChain) {
+  StartServer();
+  const PeerIdentity joined = JoinedBefore(absl::Hours(24 * 25));
+  const auto ca = server::CertificateAuthority::Open(folder());
+  const std::string fresh =
+      *ca->IssuePeer({Role::kAgent, "pc-1", PublicKeyOf(joined.certificate_pem)}, Now());
+  TemporaryDirectory data;
+  std::string certificate;
+  const auto answer = [&](const server::HttpRequest&) {
+    const std::string text = absl::StrReplaceAll(certificate, {{"\n", "\\n"}});
+    return server::HttpResponse{.body = R"({"certificate": ")" + text +
+                                        R"(", "grpc": [], "https": []})"};
+  };
+  const std::string key = *MakePrivateKey();
+  server::HttpServer chatty({.listen_address = "127.0.0.1:0",
+                             .certificate_file = data.WriteFile(
+                                 "server.crt", *ca->IssueServer(key, {"127.0.0.1"}, Now())),
+                             .key_file = data.WriteFile("server.key", key)},
+                            std::vector<server::HttpRoute>{{"POST", "/v1/renew", answer}});
+  ASSERT_OK_AND_ASSIGN(const int port, chatty.Start());
+  PeerIdentity identity = joined;
+  identity.https = {"127.0.0.1:" + std::to_string(port)};
+  for (const std::string& several :
+       {fresh + ca->pem(), ca->pem() + fresh, fresh + fresh, "text\n" + fresh, fresh + "text"}) {
+    certificate = several;
+    EXPECT_THAT(RenewIdentity(identity),
+                StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("certificate")))
+        << several;
+  }
+  certificate = fresh + "\n\n";
+  ASSERT_OK_AND_ASSIGN(const auto renewed, RenewIdentity(identity));
+  ASSERT_TRUE(renewed.has_value());
+  EXPECT_EQ(renewed->certificate_pem, fresh);
+  EXPECT_EQ(renewed->https, identity.https) << "an answer without addresses leaves the old ones";
+  identity.ca_pem += Impostor("").ca();
+  EXPECT_FALSE(RenewIdentity(identity).ok()) << "an old folder that trusts two asks nobody";
 }
 
 // An agent's own certificate is of the right CA, and must not do for a server.

@@ -92,11 +92,14 @@ std::vector<Token> IdentityAuthority::ListTokens() const {
 
 absl::Status IdentityAuthority::RevokeToken(std::string_view id) {
   const std::lock_guard lock(mutex_);
-  RIGCAL_ASSIGN_OR_RETURN(const Token token, tokens_.Revoke(id));
-  RIGCAL_RETURN_IF_ERROR(
-      web_sessions_
-          .RemoveIf([&](const WebSession& session) { return session.token_id == token.id; })
-          .status());
+  const absl::StatusOr<Token> revoked = tokens_.Revoke(id);
+  if (!revoked.ok() && !absl::IsNotFound(revoked.status())) return revoked.status();
+  // Also of a token that has left the list.
+  RIGCAL_ASSIGN_OR_RETURN(
+      const size_t browsers,
+      web_sessions_.RemoveIf([&](const WebSession& session) { return session.token_id == id; }));
+  if (!revoked.ok()) return browsers > 0 ? absl::OkStatus() : revoked.status();
+  const Token& token = *revoked;
   if (!token.used || registry_.Find(token.used_by) == nullptr) return absl::OkStatus();
   // Somebody else may have joined under that name since, with another token.
   if (registry_.Find(token.used_by)->joined != *token.used) return absl::OkStatus();

@@ -15,8 +15,7 @@
 namespace rigcal::server {
 namespace {
 
-constexpr size_t kMaxTokens = 1000;
-constexpr absl::Duration kKeptAfterExpiry = absl::Hours(24 * 7);
+constexpr absl::Duration kListedAfterExpiry = absl::Hours(24 * 7);
 
 std::string HexSha256(std::string_view bytes) { return absl::BytesToHexString(Sha256(bytes)); }
 
@@ -55,6 +54,16 @@ std::optional<Token> TokenFromJson(const IdentityJson& json) {
   return token;
 }
 
+// Why nobody can use it; empty: somebody can.
+std::string WhySpent(const Token& token, absl::Time now) {
+  if (token.revoked) return "was revoked";
+  if (token.used) {
+    return absl::StrCat("was already used, at ", JsonTime(*token.used), " by ", token.used_by);
+  }
+  if (token.expires <= now) return absl::StrCat("expired at ", JsonTime(token.expires));
+  return "";
+}
+
 absl::Status Refused(const std::string& why) {
   return absl::PermissionDeniedError(absl::StrCat(
       "the join string ", why, "; make a new one on the server PC with rigcal token create"));
@@ -62,8 +71,12 @@ absl::Status Refused(const std::string& why) {
 
 }  // namespace
 
+TokenStore::TokenStore(std::filesystem::path file)
+    : file_(std::move(file)), spent_file_(file_.parent_path() / "spent_tokens.json") {}
+
 absl::StatusOr<TokenStore> TokenStore::Open(std::filesystem::path file) {
   TokenStore store(std::move(file));
+  RIGCAL_RETURN_IF_ERROR(store.ReadSpent());
   const absl::StatusOr<std::string> text = ReadSmallFile(store.file_);
   if (absl::IsNotFound(text.status())) return store;
   if (!text.ok()) return text.status();
@@ -73,7 +86,11 @@ absl::StatusOr<TokenStore> TokenStore::Open(std::filesystem::path file) {
     for (const IdentityJson& entry : json["tokens"]) {
       const std::optional<Token> token = TokenFromJson(entry);
       good = good && token.has_value();
-      if (token) store.tokens_.push_back(*token);
+      // A list from an older backup: what has left it since is not good again.
+      if (token && std::ranges::find(store.spent_, token->secret_sha256,
+                                     &SpentToken::secret_sha256) == store.spent_.end()) {
+        store.tokens_.push_back(*token);
+      }
     }
   }
   if (good) return store;
@@ -81,6 +98,59 @@ absl::StatusOr<TokenStore> TokenStore::Open(std::filesystem::path file) {
       absl::StrCat(store.file_.string(),
                    " is damaged; remove it: only join strings that nobody has "
                    "used yet are lost, and can be made again"));
+}
+
+absl::Status TokenStore::ReadSpent() {
+  const absl::StatusOr<std::string> text = ReadSmallFile(spent_file_);
+  if (absl::IsNotFound(text.status())) return absl::OkStatus();
+  if (!text.ok()) return text.status();
+  const auto json = ParseJson<IdentityJson>(*text);
+  bool good = json.is_object() && json.contains("spent") && json["spent"].is_array();
+  if (good) {
+    for (const IdentityJson& entry : json["spent"]) {
+      JsonFields fields(entry);
+      spent_.push_back({.secret_sha256 = fields.Text("secret_sha256"),
+                        .expires = fields.Time("expires"),
+                        .why = fields.Text("why")});
+      good = good && fields.good();
+    }
+  }
+  if (good) return absl::OkStatus();
+  return absl::DataLossError(
+      absl::StrCat(spent_file_.string(),
+                   " is damaged; remove it: the server forgets what became of old join strings, "
+                   "which are refused all the same"));
+}
+
+absl::Status TokenStore::MoveSpent(std::vector<Token>* tokens, absl::Time now) {
+  std::vector<SpentToken> spent = spent_;
+  const auto is_spent = [&](const Token& token) { return !WhySpent(token, now).empty(); };
+  const auto is_old = [&](const Token& token) {
+    return !token.used && token.expires + kListedAfterExpiry < now;
+  };
+  auto surplus =
+      std::ranges::count_if(*tokens, is_spent) - static_cast<std::ptrdiff_t>(kListedSpentTokens);
+  const size_t left = std::erase_if(*tokens, [&](const Token& token) {
+    if (!is_spent(token) || (surplus <= 0 && !is_old(token))) return false;
+    --surplus;
+    spent.push_back({token.secret_sha256, token.expires, WhySpent(token, now)});
+    return true;
+  });
+  if (left == 0) return absl::OkStatus();
+  if (spent.size() > kSpentTokens) {
+    spent.erase(spent.begin(), spent.end() - static_cast<std::ptrdiff_t>(kSpentTokens));
+  }
+  IdentityJson list = IdentityJson::array();
+  for (const SpentToken& token : spent) {
+    list.push_back({{"secret_sha256", token.secret_sha256},
+                    {"expires", JsonTime(token.expires)},
+                    {"why", token.why}});
+  }
+  // Before they leave the list: a power cut in between leaves them in both.
+  RIGCAL_RETURN_IF_ERROR(
+      WriteDurableFile(spent_file_, IdentityJson{{"spent", list}}.dump() + "\n"));
+  spent_ = std::move(spent);
+  return absl::OkStatus();
 }
 
 absl::Status TokenStore::Save(std::vector<Token> tokens) {
@@ -94,15 +164,15 @@ absl::Status TokenStore::Save(std::vector<Token> tokens) {
 absl::StatusOr<TokenStore::Created> TokenStore::Create(Role role, absl::Duration ttl,
                                                        std::string name, absl::Time now) {
   std::vector<Token> tokens = tokens_;
-  std::erase_if(tokens, [&](const Token& token) {
-    return !token.used && token.expires + kKeptAfterExpiry < now;
-  });
-  if (tokens.size() >= kMaxTokens) {
+  const auto usable = std::ranges::count_if(
+      tokens, [&](const Token& token) { return WhySpent(token, now).empty(); });
+  if (static_cast<size_t>(usable) >= kMostTokens) {
     return absl::ResourceExhaustedError(
-        absl::StrCat("there are ", kMaxTokens,
-                     " tokens; revoke those of PCs that are gone: rigcal "
-                     "token list, rigcal token revoke ID"));
+        absl::StrCat("there are ", kMostTokens,
+                     " join strings that nobody has used yet; wait until they expire, or revoke "
+                     "some: rigcal token list, rigcal token revoke ID"));
   }
+  RIGCAL_RETURN_IF_ERROR(MoveSpent(&tokens, now));
   RIGCAL_ASSIGN_OR_RETURN(std::string secret, RandomBytes(kJoinSecretBytes));
   RIGCAL_ASSIGN_OR_RETURN(const std::string id, RandomBytes(4));
   Token token{.id = absl::StrCat("t-", absl::BytesToHexString(id)),
@@ -119,15 +189,17 @@ absl::StatusOr<TokenStore::Created> TokenStore::Create(Role role, absl::Duration
 absl::StatusOr<Token> TokenStore::Find(std::string_view secret, std::string_view key_sha256,
                                        absl::Time now) const {
   // Hashes are compared: how long that takes tells nothing about the secret.
-  const auto token = std::ranges::find(tokens_, HexSha256(secret), &Token::secret_sha256);
-  if (token == tokens_.end()) return Refused("is not known here: it is of another server");
-  if (token->revoked) return Refused("was revoked");
-  if (token->used) {
-    if (token->key_sha256 == key_sha256 && now < token->expires) return *token;
-    return Refused(
-        absl::StrCat("was already used, at ", JsonTime(*token->used), " by ", token->used_by));
+  const std::string hash = HexSha256(secret);
+  const auto token = std::ranges::find(tokens_, hash, &Token::secret_sha256);
+  if (token == tokens_.end()) {
+    const auto spent = std::ranges::find(spent_, hash, &SpentToken::secret_sha256);
+    if (spent != spent_.end()) return Refused(spent->why);
+    return Refused("is not known here: it is of another server, or is long spent");
   }
-  if (token->expires <= now) return Refused("expired at " + JsonTime(token->expires));
+  const bool again =
+      !token->revoked && token->used && token->key_sha256 == key_sha256 && now < token->expires;
+  const std::string why = WhySpent(*token, now);
+  if (!again && !why.empty()) return Refused(why);
   return *token;
 }
 
@@ -148,7 +220,8 @@ absl::StatusOr<Token> TokenStore::Revoke(std::string_view id) {
   if (token == tokens.end()) {
     return absl::NotFoundError(absl::StrCat("there is no token '",
                                             absl::CHexEscape(std::string(id)),
-                                            "'; rigcal token list shows them"));
+                                            "'; rigcal token list shows them, and rigcal agent "
+                                            "forget NAME refuses an agent that joined long ago"));
   }
   token->revoked = true;
   Token revoked = *token;

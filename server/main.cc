@@ -303,6 +303,10 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
            .plain_loopback = HasOpenLoopback(config),
            .audit = &audit,
            .ready = [&] { return Readiness(config.data_dir, store->Health(), ingest.Stats()); }}));
+  if (web->authority() != nullptr) {
+    web->authority()->SetNameHolder(
+        [&](const std::string& agent_id) { return registry->HolderOf(agent_id); });
+  }
   Retention retention(RetentionOf(config.retention), store.get(), coordinator.get());
   RpcServer rpc(RpcOptions(config, identity), {.store = store.get(),
                                                .ingest = &ingest,

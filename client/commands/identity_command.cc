@@ -137,8 +137,8 @@ ExitCode ForgetAgent(const std::string& name, CommandContext& context) {
   request.set_uri(PeerUri(Role::kAgent, name));
   return context.Show(server.Call(&v1::IdentityService::Stub::Revoke, request), [&](const auto&) {
     return absl::StrCat("agent ", name,
-                        " is forgotten: its certificates are "
-                        "refused from now on\n");
+                        " is forgotten: its certificates are refused from now on, and its name "
+                        "and cameras are free\n");
   });
 }
 

@@ -49,6 +49,11 @@ IdentityAuthority::IdentityAuthority(std::filesystem::path folder, std::function
       registry_(std::move(registry)),
       web_sessions_(std::move(web_sessions)) {}
 
+void IdentityAuthority::SetNameHolder(NameHolder holder_of) {
+  const std::lock_guard lock(mutex_);
+  holder_of_ = std::move(holder_of);
+}
+
 void IdentityAuthority::SetAddresses(ServerAddresses addresses) {
   const std::lock_guard lock(mutex_);
   addresses_ = std::move(addresses);
@@ -164,12 +169,8 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Enrol(std::string_v
     return absl::PermissionDeniedError(
         absl::StrCat("the join string was already used by ", token.used_by, "; make a new one"));
   }
-  if (before != nullptr && !before->revoked && token.name.empty() && !again) {
-    return absl::AlreadyExistsError(
-        absl::StrCat(request.name,
-                     " has joined already. Choose another name; or, if this PC replaces that one, "
-                     "use a join string made for it: rigcal token create --role ",
-                     std::string(RoleName(token.role)), " --name ", request.name));
+  if (token.name.empty() && !again) {
+    RIGCAL_RETURN_IF_ERROR(CheckNameFree(token.role, request.name));
   }
   if (!again) {
     RIGCAL_RETURN_IF_ERROR(tokens_.MarkUsed(token.id, uri, key_sha256, now));
@@ -177,6 +178,21 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Enrol(std::string_v
   }
   spdlog::info("{} joins as {} with token {}", uri, std::string(RoleName(token.role)), token.id);
   return IssueLocked({token.role, request.name, request.public_key}, /*joins=*/!again, now);
+}
+
+absl::Status IdentityAuthority::CheckNameFree(Role role, const std::string& name) const {
+  const IdentityRecord* const before = registry_.Find(PeerUri(role, name));
+  const bool has_joined = before != nullptr && !before->revoked;
+  const std::string holder = role == Role::kAgent ? holder_of_(name) : "";
+  if (!has_joined && holder.empty()) return absl::OkStatus();
+  return absl::AlreadyExistsError(absl::StrCat(
+      has_joined ? absl::StrCat(name, " has joined already")
+                 : absl::StrCat("this server knows an agent ", name, " ", holder,
+                                ", which would lose its name and its cameras"),
+      ". Choose another name; or, if this PC replaces that one, use a join string made for it: "
+      "rigcal token create --role ",
+      std::string(RoleName(role)), " --name ", name,
+      role == Role::kAgent ? absl::StrCat("; or free the name: rigcal agent forget ", name) : ""));
 }
 
 absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Renew(std::string_view certificate_pem,

@@ -41,6 +41,11 @@ class IdentityAuthority {
   static absl::StatusOr<std::unique_ptr<IdentityAuthority>> Open(
       const std::filesystem::path& folder, std::function<absl::Time()> now = absl::Now);
 
+  // Which agent without a certificate has a name: "on host 'pc-7', with camera rig/left"; empty:
+  // none. A join string without a name gives nobody his name. By default nobody has one. Before
+  // anybody joins; called with a lock held, from any thread.
+  using NameHolder = std::function<std::string(const std::string& agent_id)>;
+  void SetNameHolder(NameHolder holder_of);
   // Before join strings are made, and whenever it changes.
   void SetAddresses(ServerAddresses addresses);
   const std::string& ca_pem() const { return ca_.pem(); }
@@ -73,7 +78,8 @@ class IdentityAuthority {
   //   PERMISSION_DENIED  the secret is unknown, used, expired or revoked, or is for another role or
   //                      name than the request
   //   INVALID_ARGUMENT   the request is damaged, or not signed with its key
-  //   ALREADY_EXISTS     somebody of that name has joined; a token made for the name replaces him
+  //   ALREADY_EXISTS     somebody of that name has joined, or is known without a certificate; a
+  //                      token made for the name replaces him
   absl::StatusOr<Issued> Enrol(std::string_view secret, std::string_view request_pem);
   // For the holder of a certificate: the request is for the same name, role and key. One that is
   // not due yet gets the certificate that it has.
@@ -103,6 +109,8 @@ class IdentityAuthority {
   absl::Status DenyBeforeLocked(const std::string& uri);
   absl::StatusOr<Issued> IssueLocked(const CertificateAuthority::PeerRequest& request, bool joins,
                                      absl::Time now);
+  // ALREADY_EXISTS: somebody has the name, which a token without a name does not give.
+  absl::Status CheckNameFree(Role role, const std::string& name) const;
   Issued AnswerLocked(std::string certificate_pem) const;
 
   const std::function<absl::Time()> now_;
@@ -110,6 +118,7 @@ class IdentityAuthority {
   DeniedCertificates denied_;
   mutable std::mutex mutex_;
   ServerAddresses addresses_;
+  NameHolder holder_of_ = [](const std::string&) { return std::string(); };
   TokenStore tokens_;
   IdentityRegistry registry_;
   WebSessions web_sessions_;

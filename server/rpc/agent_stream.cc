@@ -129,7 +129,8 @@ absl::Status AgentStream::CheckName(AgentHello* hello) const {
     hello->agent.credential = CredentialOf(hello->secret);
     return absl::OkStatus();
   }
-  hello->agent.credential = std::string(kCertificateCredential);
+  hello->agent.credential =
+      absl::StrCat(std::string(kCertificateCredential), CredentialOf(hello->secret));
   if (caller_.peer.IsAgent() && caller_.peer.name == hello->agent.agent_id) {
     return absl::OkStatus();
   }

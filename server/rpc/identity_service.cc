@@ -2,12 +2,14 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "common/status/status_macros.h"
 #include "common/wire/time_wire.h"
 #include "rigcal/v1/identity_service.grpc.pb.h"
 #include "server/identity/identity_authority.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/services.h"
+#include "server/session/agent_registry.h"
 
 namespace rigcal::server {
 namespace {
@@ -42,7 +44,8 @@ v1::Identity IdentityToProto(const IdentityRecord& record) {
 
 class IdentityService final : public v1::IdentityService::Service {
  public:
-  explicit IdentityService(IdentityAuthority* authority) : authority_(authority) {}
+  explicit IdentityService(const RpcServerParts& parts)
+      : authority_(parts.identities), registry_(parts.registry) {}
 
   grpc::Status CreateToken(grpc::ServerContext*, const v1::CreateTokenRequest* request,
                            v1::CreateTokenResponse* response) override {
@@ -88,7 +91,18 @@ class IdentityService final : public v1::IdentityService::Service {
 
   grpc::Status Revoke(grpc::ServerContext*, const v1::RevokeRequest* request,
                       v1::RevokeResponse*) override {
-    return Guard("Revoke", [&] { return authority_->Revoke(request->uri()); });
+    return Guard("Revoke", [&]() -> absl::Status {
+      const absl::Status revoked = authority_->Revoke(request->uri());
+      if (!revoked.ok() && !absl::IsNotFound(revoked)) return revoked;
+      // An agent without a certificate has its name and its cameras all the same.
+      absl::string_view name = request->uri();
+      if (registry_ == nullptr || !absl::ConsumePrefix(&name, PeerUri(Role::kAgent, ""))) {
+        return revoked;
+      }
+      RIGCAL_ASSIGN_OR_RETURN(const bool known,
+                              registry_->Forget(std::string_view(name.data(), name.size())));
+      return known ? absl::OkStatus() : revoked;
+    });
   }
 
  private:
@@ -112,12 +126,13 @@ class IdentityService final : public v1::IdentityService::Service {
   }
 
   IdentityAuthority* const authority_;
+  AgentRegistry* const registry_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> MakeIdentityService(IdentityAuthority* authority) {
-  return std::make_unique<IdentityService>(authority);
+std::unique_ptr<grpc::Service> MakeIdentityService(const RpcServerParts& parts) {
+  return std::make_unique<IdentityService>(parts);
 }
 
 }  // namespace rigcal::server

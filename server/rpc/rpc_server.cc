@@ -110,7 +110,7 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
                       parts.store->server_id(), &security_, parts.registry) {
   services_.push_back(MakeAgentService(parts));
   services_.push_back(MakeCameraService(parts, &previews_, &detectors_));
-  services_.push_back(MakeIdentityService(parts.identities));
+  services_.push_back(MakeIdentityService(parts));
   services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_, &security_));
   services_.push_back(MakeRigService(parts, &security_));

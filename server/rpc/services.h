@@ -48,7 +48,7 @@ std::unique_ptr<grpc::Service> MakeAgentService(const RpcServerParts& parts);
 std::unique_ptr<grpc::Service> MakeCameraService(const RpcServerParts& parts,
                                                  PreviewBroker* previews,
                                                  DetectorBroker* detectors);
-std::unique_ptr<grpc::Service> MakeIdentityService(IdentityAuthority* authority);
+std::unique_ptr<grpc::Service> MakeIdentityService(const RpcServerParts& parts);
 std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, WatchHub* watches,
                                                   ObservationReaders* readers);
 std::unique_ptr<grpc::Service> MakeCalibrationService(const RpcServerParts& parts,

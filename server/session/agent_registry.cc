@@ -11,10 +11,11 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
-#include "server/session/durable_file.h"
 #include "common/text/nesting.h"
+#include "server/session/durable_file.h"
 
 namespace rigcal::server {
 namespace {
@@ -63,7 +64,7 @@ absl::Status AgentRegistry::Read() {
 absl::Status AgentRegistry::CheckInstallationHeld(std::string_view agent_id,
                                                   std::string_view credential,
                                                   std::string_view host) const {
-  if (credential == kCertificateCredential) return absl::OkStatus();
+  if (credential.starts_with(kCertificateCredential)) return absl::OkStatus();
   const auto known = installations_.find(agent_id);
   if (known == installations_.end() || known->second.credential == credential) {
     return absl::OkStatus();
@@ -107,15 +108,18 @@ absl::Status AgentRegistry::Remember(const AgentRecord& agent) {
   RIGCAL_RETURN_IF_ERROR(CheckHeld(agent));
   Installations installations = installations_;
   Owners owners = owners_;
-  if (!agent.credential.empty() && agent.credential != kCertificateCredential) {
-    installations.insert({agent.agent_id, {agent.credential, agent.host}});
-  }
+  std::string_view secret = agent.credential;
+  const bool has_certificate = secret.starts_with(kCertificateCredential);
+  if (has_certificate) secret.remove_prefix(kCertificateCredential.size());
+  const auto known = installations.find(agent.agent_id);
+  // A certificate for the name takes it from who had it without one.
+  const bool is_news = !secret.empty() && (known == installations.end() ||
+                                           (has_certificate && known->second.credential != secret));
+  if (is_news) installations[agent.agent_id] = {std::string(secret), agent.host};
   for (const AnnouncedCamera& camera : agent.cameras) {
     owners.insert({{agent.rig, camera.description.camera}, agent.agent_id});
   }
-  if (installations.size() == installations_.size() && owners.size() == owners_.size()) {
-    return absl::OkStatus();
-  }
+  if (!is_news && owners.size() == owners_.size()) return absl::OkStatus();
   const auto own = std::ranges::count(owners, agent.agent_id, &Owners::value_type::second);
   if (static_cast<size_t>(own) > options_.max_cameras_per_agent ||
       installations.size() > options_.max_agents) {
@@ -125,6 +129,37 @@ absl::Status AgentRegistry::Remember(const AgentRecord& agent) {
         " and ", options_.max_agents, " are allowed"));
   }
   return Save(std::move(installations), std::move(owners));
+}
+
+std::string AgentRegistry::HolderOf(std::string_view agent_id) const {
+  constexpr size_t kNamedCameras = 3;
+  std::lock_guard lock(mutex_);
+  const auto known = installations_.find(agent_id);
+  std::vector<std::string> cameras;
+  for (const auto& [camera, owner] : owners_) {
+    if (owner == agent_id) cameras.push_back(absl::StrCat(camera.first, "/", camera.second));
+  }
+  if (known == installations_.end() && cameras.empty()) return "";
+  const size_t count = cameras.size();
+  cameras.resize(std::min(count, kNamedCameras));
+  return absl::StrCat(
+      known == installations_.end()
+          ? ""
+          : absl::StrCat("on host '", absl::CHexEscape(known->second.host), "'",
+                         count == 0 ? "" : ", "),
+      count == 0 ? "" : absl::StrCat("with camera ", absl::StrJoin(cameras, ", ")),
+      count > kNamedCameras ? absl::StrCat(" and ", count - kNamedCameras, " more") : "");
+}
+
+absl::StatusOr<bool> AgentRegistry::Forget(std::string_view agent_id) {
+  std::lock_guard lock(mutex_);
+  Installations installations = installations_;
+  Owners owners = owners_;
+  size_t forgotten = std::erase_if(owners, [&](const auto& own) { return own.second == agent_id; });
+  forgotten += std::erase_if(installations, [&](const auto& own) { return own.first == agent_id; });
+  if (forgotten == 0) return false;
+  RIGCAL_RETURN_IF_ERROR(Save(std::move(installations), std::move(owners)));
+  return true;
 }
 
 std::string AgentRegistry::OwnerOf(std::string_view rig, std::string_view camera) const {

@@ -26,12 +26,13 @@ struct AgentRegistryOptions {
 // Proof that a stream is of a certain installation of an agent (AgentRecord::credential), from the
 // secret that the installation keeps. Empty for an empty secret.
 std::string CredentialOf(std::string_view secret);
-// The credential of an agent whose certificate names it.
+// How the credential of an agent begins whose certificate names it; CredentialOf its secret
+// follows.
 inline constexpr std::string_view kCertificateCredential = "certificate";
 
 // What a server remembers of agents for good: which installation an agent_id belongs to, and which
-// agent a camera. Both belong to the first one that came, a camera until it is moved. Kept in a
-// JSON file. Thread-safe.
+// agent a camera. Both belong to the first one that came, a camera until it is moved; an agent_id
+// to the one with a certificate for it, if there is one. Kept in a JSON file. Thread-safe.
 class AgentRegistry {
  public:
   // DATA_LOSS: the file is damaged; it is named.
@@ -45,6 +46,11 @@ class AgentRegistry {
   absl::Status Check(const AgentRecord& agent) const;
   // Check, and remembers what is new. Returns when it is on disk, with the errors of writing it.
   absl::Status Remember(const AgentRecord& agent);
+
+  // Who has an agent_id, for messages: "on host 'pc-7', with camera rig/left". Empty: nobody.
+  std::string HolderOf(std::string_view agent_id) const;
+  // Its agent_id and cameras belong to whoever comes first from now on. False: it is not known.
+  absl::StatusOr<bool> Forget(std::string_view agent_id);
 
   // Empty: the camera has no agent.
   std::string OwnerOf(std::string_view rig, std::string_view camera) const;

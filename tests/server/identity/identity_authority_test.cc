@@ -21,6 +21,7 @@
 namespace rigcal::testing::identity_authority_test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -180,6 +181,35 @@ TEST_F(IdentityAuthority, GivesANameTwiceOnlyWhereThatIsMeant) {
   EXPECT_FALSE(Denied(replaced->certificate_pem));
   EXPECT_THAT(authority_->Renew(first, Request(key_, "pc-1")),
               StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("revoked")));
+}
+
+// An agent on the server's PC needs no certificate to have a name, and cameras.
+TEST_F(IdentityAuthority, GivesNobodyTheNameOfAnAgentWithoutCertificate) {
+  std::string asked;
+  authority_->SetNameHolder([&](const std::string& name) {
+    asked += name + " ";
+    return std::string(name == "pc-1" ? "on host 'lab', with camera rig/left" : "");
+  });
+  const std::string secret = SecretFor();
+  EXPECT_THAT(
+      authority_->Enrol(secret, Request(key_, "pc-1")),
+      StatusIs(absl::StatusCode::kAlreadyExists,
+               AllOf(HasSubstr("rig/left"), HasSubstr("token create --role agent --name pc-1"),
+                     HasSubstr("rigcal agent forget pc-1"))));
+  EXPECT_THAT(authority_->ListIdentities(), SizeIs(0));
+  ASSERT_THAT(authority_->Enrol(secret, Request(key_, "pc-2")), IsOk()) << "still unused";
+  EXPECT_THAT(authority_->Enrol(SecretFor(Role::kAgent, "pc-1"), Request(key_, "pc-1")), IsOk())
+      << "an operator has made a string for the name";
+  EXPECT_THAT(authority_->Enrol(SecretFor(Role::kOperator), Request(key_, "pc-1", Role::kOperator)),
+              IsOk())
+      << "users are no agents";
+  EXPECT_EQ(asked, "pc-1 pc-2 ");
+  // A certificate that is refused does not free its cameras; forgetting the agent does both.
+  ASSERT_THAT(authority_->Revoke("rigcal://agents/pc-1"), IsOk());
+  EXPECT_THAT(authority_->Enrol(SecretFor(), Request(key_, "pc-1")),
+              StatusIs(absl::StatusCode::kAlreadyExists, HasSubstr("rig/left")));
+  authority_->SetNameHolder([](const std::string&) { return std::string(); });
+  EXPECT_THAT(authority_->Enrol(SecretFor(), Request(key_, "pc-1")), IsOk());
 }
 
 TEST_F(IdentityAuthority, RevokesAtOnceAndLetsTheNameJoinAgain) {

@@ -99,6 +99,42 @@ TEST_F(AgentRegistry, AnIdBelongsToTheInstallationThatCameFirst) {
   EXPECT_THAT(Text(), Not(HasSubstr("\"secret\""))) << "only its hash is kept";
 }
 
+TEST_F(AgentRegistry, SaysWhoHasAName) {
+  EXPECT_EQ(registry_->HolderOf("pc1"), "");
+  ASSERT_THAT(registry_->Remember(Agent("pc1", {"a", "b", "c", "d", "e"}, "secret")), IsOk());
+  ASSERT_THAT(registry_->Remember(Agent("pc2", {"top"})), IsOk());
+  EXPECT_EQ(registry_->HolderOf("pc1"),
+            "on host 'host-of-pc1', with camera rig/a, rig/b, rig/c and 2 more");
+  EXPECT_EQ(registry_->HolderOf("pc2"), "with camera rig/top");
+}
+
+TEST_F(AgentRegistry, AForgottenAgentLeavesItsNameAndCameras) {
+  ASSERT_THAT(registry_->Remember(Agent("pc1", {"left"}, "secret")), IsOk());
+  ASSERT_THAT(registry_->Remember(Agent("pc2", {"right"}, "secret")), IsOk());
+  ASSERT_OK_AND_ASSIGN(const bool known, registry_->Forget("pc1"));
+  EXPECT_TRUE(known);
+  Open();
+  EXPECT_EQ(registry_->HolderOf("pc1"), "");
+  EXPECT_THAT(registry_->Check(Agent("pc1", {"left"}, "another")), IsOk());
+  EXPECT_EQ(registry_->OwnerOf("rig", "right"), "pc2");
+  ASSERT_OK_AND_ASSIGN(const bool again, registry_->Forget("pc1"));
+  EXPECT_FALSE(again);
+}
+
+// It has replaced the agent that had the name without one.
+TEST_F(AgentRegistry, ACertificateTakesTheNameFromWhoHadItWithout) {
+  ASSERT_THAT(registry_->Remember(Agent("pc1", {"left"}, "plain")), IsOk());
+  AgentRecord joined = Agent("pc1", {"left"});
+  joined.credential = std::string(server::kCertificateCredential) + server::CredentialOf("joined");
+  ASSERT_THAT(registry_->Remember(joined), IsOk());
+  Open();
+  EXPECT_THAT(registry_->Check(Agent("pc1", {"left"}, "plain")),
+              StatusIs(absl::StatusCode::kAlreadyExists, HasSubstr("'pc1'")));
+  EXPECT_THAT(registry_->Check(Agent("pc1", {"left"}, "joined")), IsOk())
+      << "the same installation, on the server's PC";
+  EXPECT_THAT(registry_->Check(joined), IsOk());
+}
+
 TEST_F(AgentRegistry, AnAgentWithoutSecretGetsOneLater) {
   ASSERT_THAT(registry_->Remember(Agent("pc1", {"left"})), IsOk());
   ASSERT_THAT(registry_->Remember(Agent("pc1", {"left"}, "secret")), IsOk());

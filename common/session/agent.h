@@ -31,6 +31,7 @@ struct AgentRecord {
   // Proves which installation of the agent it is: a hash of its secret, or that a certificate names
   // it. Empty: nothing proves it. Filled by the server.
   std::string credential;
+  std::string address;  // the IP address it connects from; empty: unknown. Filled by the server.
   // Filled by the server's directory of agents.
   bool connected = false;
   int64_t connect_utc_ns = 0;

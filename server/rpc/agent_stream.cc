@@ -112,6 +112,7 @@ void AgentStream::TakeHello() {
   absl::StatusOr<AgentHello> hello = wire::FromProto(request_.hello());
   if (!hello.ok()) return Refuse(hello.status());
   agent_id_ = hello->agent.agent_id;
+  hello->agent.address = caller_.address.substr(0, caller_.address.rfind(':'));
   if (const absl::Status status = CheckName(&*hello); !status.ok()) return Refuse(status);
   rig_ = hello->agent.rig;
   for (const AnnouncedCamera& camera : hello->agent.cameras) {

@@ -15,8 +15,9 @@ namespace rigcal::server {
 namespace {
 
 std::string Describe(const AgentRecord& agent) {
-  return absl::StrCat("agent '", agent.agent_id, "' on host '", agent.host, "' (incarnation ",
-                      agent.incarnation, ", connection ", agent.connection, ")");
+  return absl::StrCat("agent '", agent.agent_id, "' on host '", agent.host, "' (",
+                      agent.address.empty() ? "" : absl::StrCat(agent.address, ", "),
+                      "incarnation ", agent.incarnation, ", connection ", agent.connection, ")");
 }
 
 absl::Status CheckAnnouncement(const AgentRecord& agent, size_t max_cameras) {
@@ -50,6 +51,23 @@ const AnnouncedCamera* FindCamera(const AgentRecord& agent, std::string_view cam
 
 AgentDirectory::AgentDirectory(AgentDirectoryOptions options) : options_(std::move(options)) {}
 
+// Two PCs with copies of one state folder have the same secret and certificate, and the incarnation
+// says only which was started more often.
+absl::Status AgentDirectory::CheckCopy(const AgentRecord& agent, const Entry& connected) const {
+  const AgentRecord& other = connected.agent;
+  const bool same_place =
+      agent.host == other.host &&
+      (agent.address == other.address || agent.address.empty() || other.address.empty());
+  const auto silent_for = options_.now() - connected.heard;
+  if (same_place || silent_for >= options_.alive_for) return absl::OkStatus();
+  return absl::AlreadyExistsError(absl::StrCat(
+      Describe(agent), " is refused: ", Describe(other),
+      " is connected with the same id and secret. If one of them has a copy of the other's state "
+      "folder, give it a state folder and --agent-id of its own, and let it join; if the agent has "
+      "moved, stop it at its old place, or wait ",
+      std::chrono::duration_cast<std::chrono::seconds>(options_.alive_for).count(), " s"));
+}
+
 absl::Status AgentDirectory::CheckAgainstConnected(const AgentRecord& agent) const {
   const auto own = by_agent_id_.find(agent.agent_id);
   const bool replaces = own != by_agent_id_.end() && own->second.link != nullptr;
@@ -61,6 +79,7 @@ absl::Status AgentDirectory::CheckAgainstConnected(const AgentRecord& agent) con
           " is connected with the same id, and is another installation; give each agent its own ",
           "state directory and --agent-id"));
     }
+    RIGCAL_RETURN_IF_ERROR(CheckCopy(agent, own->second));
     const auto now = std::tie(agent.incarnation, agent.connection);
     const auto before = std::tie(other.incarnation, other.connection);
     if (now < before) {
@@ -112,7 +131,10 @@ absl::StatusOr<AgentDirectory::Registration> AgentDirectory::Register(
       ++connected_count_;
     }
     registration = ++last_registration_;
-    entry = {.agent = std::move(agent), .link = std::move(link), .registration = registration};
+    entry = {.agent = std::move(agent),
+             .link = std::move(link),
+             .registration = registration,
+             .heard = options_.now()};
   }
   if (fenced) {
     fenced->Close(absl::AbortedError(
@@ -193,6 +215,7 @@ void AgentDirectory::SetSpool(Registration registration, SpoolStatus status) {
   for (auto& [agent_id, entry] : by_agent_id_) {
     if (entry.registration != registration || !entry.link) continue;
     entry.agent.spool = std::move(status);
+    entry.heard = options_.now();
     return;
   }
 }

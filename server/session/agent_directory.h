@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -24,7 +25,10 @@ struct AgentDirectoryOptions {
   size_t max_cameras_per_agent = 64;
   // Agents that have gone and are still listed; the ones gone longest are forgotten first.
   size_t max_remembered_agents = 256;
+  // An agent that was heard within this time is there. Agents report every 10 s.
+  std::chrono::milliseconds alive_for{25'000};
   std::function<int64_t()> utc_now_ns = {};  // unset: the system's clock
+  std::function<std::chrono::steady_clock::time_point()> now = std::chrono::steady_clock::now;
 };
 
 // The connected agents and their cameras. Thread-safe; calls links only with no lock held.
@@ -49,7 +53,9 @@ class AgentDirectory {
   //   INVALID_ARGUMENT    the same camera twice, no camera
   //   ABORTED             a newer stream of the same agent_id is connected; both are named
   //   ALREADY_EXISTS      a live agent with another agent_id, or another process or installation
-  //                       with the same one, holds a camera; both and the camera are named
+  //                       with the same one, holds a camera; both and the camera are named. So is
+  //                       one with the same agent_id and secret on another host or address, as
+  //                       long as the first is there: a copy of its state folder
   //   RESOURCE_EXHAUSTED  too many agents, or too many cameras for one agent
   //   UNAVAILABLE         after CloseAll
   absl::StatusOr<Registration> Register(AgentRecord agent, std::shared_ptr<AgentLink> link);
@@ -62,7 +68,7 @@ class AgentDirectory {
   // Connected and remembered ones, by agent_id. Empty `rig`: every rig.
   std::vector<AgentRecord> List(std::string_view rig) const;
   size_t ConnectedCount() const;
-  // Of a registration that is not current any more: nothing happens.
+  // A sign of life. Of a registration that is not current any more: nothing happens.
   void SetSpool(Registration registration, SpoolStatus status);
   // kNone for an empty `agent_id`.
   StreamHolder HolderOf(std::string_view agent_id, const StreamKey& stream) const;
@@ -75,8 +81,10 @@ class AgentDirectory {
     AgentRecord agent;
     std::shared_ptr<AgentLink> link;  // none: not connected
     Registration registration = 0;
+    std::chrono::steady_clock::time_point heard = {};
   };
 
+  absl::Status CheckCopy(const AgentRecord& agent, const Entry& connected) const;
   absl::Status CheckAgainstConnected(const AgentRecord& agent) const;
   void ForgetOldest();
 

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
@@ -93,6 +94,39 @@ TEST(AgentDirectory, TwoProcessesWithOneIdAreBothNamed) {
               StatusIs(absl::StatusCode::kAlreadyExists,
                        AllOf(HasSubstr("'laptop'"), HasSubstr("'host-of-pc'"))));
   EXPECT_THAT(link->closed(), IsOk());
+}
+
+// Two PCs with copies of one state folder; the copy was started more often.
+TEST(AgentDirectory, ACopyOfAnAgentDoesNotTakeItsPlace) {
+  auto now = std::chrono::steady_clock::time_point(std::chrono::hours(1));
+  AgentDirectory directory({.now = [&] { return now; }});
+  const auto link = Link();
+  AgentRecord first = MakeAgent("pc", {"left"}, 3, 7);
+  first.address = "10.0.0.5";
+  ASSERT_OK_AND_ASSIGN(const auto registration, directory.Register(first, link));
+  AgentRecord on_another_host = MakeAgent("pc", {"left"}, 9, 1);
+  on_another_host.host = "laptop";
+  on_another_host.address = "10.0.0.5";
+  AgentRecord at_another_address = MakeAgent("pc", {"left"}, 9, 1);
+  at_another_address.address = "10.0.0.6";
+  for (int minutes = 0; minutes < 3; ++minutes) {
+    for (const AgentRecord& copy : {on_another_host, at_another_address}) {
+      EXPECT_THAT(directory.Register(copy, Link()),
+                  StatusIs(absl::StatusCode::kAlreadyExists,
+                           AllOf(HasSubstr("incarnation 3, connection 7"),
+                                 HasSubstr("incarnation 9, connection 1"), HasSubstr("10.0.0.5"),
+                                 HasSubstr("'" + copy.host + "'"), HasSubstr("state folder"))));
+    }
+    EXPECT_THAT(link->closed(), IsOk());
+    now += std::chrono::seconds(20);
+    directory.SetSpool(registration, {});  // as it reports every 10 s
+  }
+  // The agent itself, restarted or with a new connection, where it is.
+  first.incarnation = 4;
+  EXPECT_THAT(directory.Register(first, Link()), IsOk());
+  // It is silent: it may be the same PC with another address.
+  now += std::chrono::seconds(25);
+  EXPECT_THAT(directory.Register(at_another_address, Link()), IsOk());
 }
 
 TEST(AgentDirectory, CameraOfAnotherAgentIsRefusedAndAllAreNamed) {

@@ -70,7 +70,7 @@ absl::Status ValidateServerAddress(std::string_view address) {
 
 ServerConnection::ServerConnection(const std::string& address, const wire::ClientIdentity& identity)
     : address_(address),
-      has_identity_(identity.Exists()),
+      identity_(identity),
       credentials_(wire::CredentialsFor(address, identity)),
       channel_(MakeChannel(address, credentials_.ok() ? *credentials_ : nullptr)) {}
 
@@ -78,7 +78,7 @@ absl::Status ServerConnection::Explain(const grpc::Status& status,
                                        std::chrono::milliseconds timeout) const {
   const std::string cause = CauseOf(status.error_message());
   const bool plain =
-      wire::IsOnThisMachine(address_) && !address_.starts_with("unix:") && !has_identity_;
+      wire::IsOnThisMachine(address_) && !address_.starts_with("unix:") && !identity_.Exists();
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE && plain &&
       (cause == "Socket closed" || cause == "Connection reset by peer")) {
     return absl::UnavailableError(absl::StrCat(
@@ -88,6 +88,11 @@ absl::Status ServerConnection::Explain(const grpc::Status& status,
         "operator` prints for that user"));
   }
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
+    if (const absl::Status why = WhyRefused(address_, identity_); !why.ok()) {
+      return absl::Status(
+          why.code(), absl::StrCat("the server at ", address_, " does not let this user in (",
+                                   cause, "):\n", std::string(why.message())));
+    }
     return absl::UnavailableError(
         absl::StrCat("cannot reach the server at ", address_, " (", cause, "). ", kAdvice,
                      wire::IsOnThisMachine(address_) ? "" : ". rigcal doctor says more"));

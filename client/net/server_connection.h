@@ -45,7 +45,8 @@ class ServerConnection {
 
   // A unary call with a deadline: `Call(&SessionService::Stub::GetSession, request)`. UNAVAILABLE:
   // the server cannot be reached, or does not answer in time; the message names it and says what to
-  // do. Else the server's own status.
+  // do. A server that does not let this user in: the error of WhyRefused, its reason on the last
+  // line. Else the server's own status.
   template <typename Stub, typename Request, typename Response>
   absl::StatusOr<Response> Call(UnaryMethod<Stub, Request, Response> method,
                                 const std::type_identity_t<Request>& request,
@@ -139,7 +140,7 @@ class ServerConnection {
   absl::Status Explain(const grpc::Status& status, std::chrono::milliseconds timeout) const;
 
   const std::string address_;
-  const bool has_identity_;  // of this user
+  const wire::ClientIdentity identity_;
   const absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> credentials_;
   const std::shared_ptr<grpc::Channel> channel_;
 };

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "common/enrolment/connection_refusal.h"
 #include "common/enrolment/join_server.h"
 #include "common/identity/identity_folder.h"
 
@@ -20,13 +21,20 @@ wire::ClientIdentity RenewedUserIdentity(const std::string& address) {
   if (!files.Exists()) return files;
   const IdentityFolder folder = IdentityFolder::OfUser(UserConfigFolder());
   const absl::StatusOr<PeerIdentity> identity = folder.Load();
-  if (!identity.ok() || std::ranges::find(identity->grpc, address) == identity->grpc.end() ||
-      !IsRenewalDue(*identity)) {
-    return files;
+  if (identity.ok() && std::ranges::find(identity->grpc, address) != identity->grpc.end()) {
+    (void)KeepRenewed(folder, kRenewalTimeout).ok();
   }
-  const auto renewed = RenewIdentity(*identity, kRenewalTimeout);
-  if (renewed.ok() && renewed->has_value()) (void)folder.Renew(**renewed).ok();
   return files;
+}
+
+absl::Status WhyRefused(const std::string& address, const wire::ClientIdentity& identity) {
+  const IdentityFolder folder = IdentityFolder::In(identity.folder, identity.stem);
+  if (!folder.Exists()) return absl::OkStatus();
+  const absl::StatusOr<PeerIdentity> loaded = folder.Load();
+  if (!loaded.ok() || std::ranges::find(loaded->grpc, address) == loaded->grpc.end()) {
+    return absl::OkStatus();
+  }
+  return ExplainRefusal(folder, kRenewalTimeout);
 }
 
 }  // namespace rigcal::client

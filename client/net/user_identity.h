@@ -3,13 +3,18 @@
 
 #include <string>
 
+#include "absl/status/status.h"
 #include "common/wire/server_access.h"
 
 namespace rigcal::client {
 
 // The identity with which this user asks the server at `address`; where the certificate for it is
-// due, it is renewed first, for at most a few seconds. A certificate that could not be renewed may
-// still do; rigcal doctor says why it does not.
+// due, or the server was not asked for a day, it is renewed first, for at most a few seconds. A
+// certificate that could not be renewed may still do; WhyRefused says why it does not.
 wire::ClientIdentity RenewedUserIdentity(const std::string& address);
+
+// Why the server at `address`, which cannot be reached with this identity, does not let it in, as
+// ExplainRefusal. OK: nothing is known that speaks against it.
+absl::Status WhyRefused(const std::string& address, const wire::ClientIdentity& identity);
 
 }  // namespace rigcal::client

@@ -105,4 +105,20 @@ absl::StatusOr<std::optional<PeerIdentity>> RenewIdentity(const PeerIdentity& id
   return renewed;
 }
 
+absl::Status KeepRenewed(const IdentityFolder& folder, std::chrono::milliseconds timeout) {
+  constexpr absl::Duration kAskEvery = absl::Hours(24);
+  constexpr absl::Duration kAskWhereDue = absl::Minutes(1);
+  RIGCAL_ASSIGN_OR_RETURN(const PeerIdentity identity, folder.Load());
+  const std::optional<absl::Time> asked = folder.Asked();
+  // A time ahead of now: the clock was set back.
+  const absl::Duration age =
+      asked ? absl::AbsDuration(absl::Now() - *asked) : absl::InfiniteDuration();
+  if (age < (IsRenewalDue(identity) ? kAskWhereDue : kAskEvery)) return absl::OkStatus();
+  // A server that does not answer is not asked again with each command.
+  folder.NoteAsked();
+  RIGCAL_ASSIGN_OR_RETURN(const std::optional<PeerIdentity> renewed,
+                          RenewIdentity(identity, timeout));
+  return renewed ? folder.Renew(*renewed) : absl::OkStatus();
+}
+
 }  // namespace rigcal

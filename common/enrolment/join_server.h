@@ -24,8 +24,8 @@ absl::StatusOr<PeerIdentity> JoinServer(
     const JoinString& join, const std::string& name,
     std::chrono::milliseconds timeout = std::chrono::milliseconds(10'000));
 
-// By this PC's clock the certificate has passed two thirds of its life, or has not begun: then the
-// server is asked, whose clock counts.
+// By this PC's clock the certificate has passed two thirds of its life, or has not begun. Only the
+// server knows what is due: it is asked in any case, and then at once.
 bool IsRenewalDue(const PeerIdentity& identity, absl::Time now = absl::Now());
 
 // Asks the servers of the identity for a newer certificate. Unset: they consider it too early. The
@@ -33,5 +33,11 @@ bool IsRenewalDue(const PeerIdentity& identity, absl::Time now = absl::Now());
 absl::StatusOr<std::optional<PeerIdentity>> RenewIdentity(
     const PeerIdentity& identity,
     std::chrono::milliseconds timeout = std::chrono::milliseconds(10'000));
+
+// For programs that run for a moment: keeps the certificate in a folder. Its servers are asked
+// where it seems due, and once a day in any case, since this PC's clock may be wrong. OK: what is
+// in the folder is the newest, as far as can be told. Errors as those of RenewIdentity.
+absl::Status KeepRenewed(const IdentityFolder& folder,
+                         std::chrono::milliseconds timeout = std::chrono::milliseconds(10'000));
 
 }  // namespace rigcal

@@ -20,8 +20,10 @@ class RenewalThread {
     std::function<void()> renewed;                    // the folder has a new certificate
     std::function<void(const std::string&)> trouble;  // it could not be renewed, and why
   };
+  // `ask_again`: the least time between two questions for which AskSoon was called.
   RenewalThread(IdentityFolder folder, Events events,
-                std::chrono::milliseconds interval = std::chrono::minutes(10));
+                std::chrono::milliseconds interval = std::chrono::minutes(10),
+                std::chrono::milliseconds ask_again = std::chrono::seconds(10));
   ~RenewalThread() { Shutdown(); }
   RenewalThread(const RenewalThread&) = delete;
   RenewalThread& operator=(const RenewalThread&) = delete;
@@ -29,8 +31,9 @@ class RenewalThread {
   void Start();
   // No event comes after it.
   void Shutdown();
-  // The server is to be asked even if nothing seems due, at most every 10 s: it may refuse the
-  // certificate, and then says why, or gives a new one. From any thread.
+  // The server is to be asked even if nothing seems due, soon: it may refuse the
+  // certificate, and then says why, or gives a new one. Where its HTTPS port does not answer, the
+  // handshake of its gRPC port is tried. From any thread.
   void AskSoon();
 
  private:
@@ -40,6 +43,7 @@ class RenewalThread {
   const IdentityFolder folder_;
   const Events events_;
   const std::chrono::milliseconds interval_;
+  const std::chrono::milliseconds ask_again_;
   std::mutex mutex_;
   std::condition_variable changed_;
   bool stopping_ = false;

@@ -14,6 +14,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_replace.h"
+#include "common/enrolment/connection_refusal.h"
 #include "common/enrolment/https_call.h"
 #include "common/enrolment/renewal_thread.h"
 #include "common/identity/certificate_request.h"
@@ -349,6 +350,119 @@ TEST_F(JoinServer, IsToldOfARevocation) {
   ASSERT_THAT(authority().Revoke("rigcal://agents/pc-1"), IsOk());
   EXPECT_THAT(RenewIdentity(identity),
               StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("revoked")));
+}
+
+// By the clock of this PC, which is behind, the certificate is good for weeks.
+TEST_F(JoinServer, KeepsRenewedByTheServersClock) {
+  StartServer(absl::Hours(24 * 35));
+  const PeerIdentity old = JoinedBefore(absl::Hours(24 * 35));
+  EXPECT_FALSE(IsRenewalDue(old));
+  TemporaryDirectory config;
+  const IdentityFolder folder = IdentityFolder::OfUser(config.path());
+  ASSERT_THAT(folder.Replace(old), IsOk());
+  ASSERT_THAT(KeepRenewed(folder), IsOk());
+  ASSERT_OK_AND_ASSIGN(const PeerIdentity renewed, folder.Load());
+  EXPECT_GT(ParseCertificate(renewed.certificate_pem)->not_after, Now());
+  // Asked a moment ago: this would be noticed, since nobody answers any more.
+  StopServer();
+  EXPECT_THAT(KeepRenewed(folder), IsOk());
+}
+
+TEST_F(JoinServer, AsksOnceADayWhatIsDue) {
+  StartServer();
+  ASSERT_OK_AND_ASSIGN(const PeerIdentity identity, rigcal::JoinServer(MakeJoin(), "pc-1"));
+  TemporaryDirectory config;
+  const IdentityFolder folder = IdentityFolder::OfUser(config.path());
+  ASSERT_THAT(folder.Replace(identity), IsOk());
+  EXPECT_THAT(KeepRenewed(folder), IsOk());
+  ASSERT_TRUE(folder.Asked().has_value());
+  StopServer();
+  EXPECT_THAT(KeepRenewed(folder), IsOk());
+  // A day ago, and by a clock that was two days ahead.
+  for (const int hours : {-25, 48}) {
+    std::filesystem::last_write_time(
+        folder.path() / "asked",
+        std::filesystem::file_time_type::clock::now() + std::chrono::hours(hours));
+    EXPECT_THAT(KeepRenewed(folder), StatusIs(absl::StatusCode::kUnavailable, HasSubstr("refused")))
+        << hours;
+  }
+}
+
+TEST_F(JoinServer, SaysWhyAConnectionIsRefused) {
+  StartServer();
+  PeerIdentity identity = *rigcal::JoinServer(MakeJoin(), "pc-1");
+  TemporaryDirectory state;
+  const IdentityFolder folder = IdentityFolder::OfAgent(state.path());
+  const auto why = [&] {
+    EXPECT_THAT(folder.Replace(identity), IsOk());
+    return ExplainRefusal(folder, std::chrono::seconds(3));
+  };
+  EXPECT_THAT(why(), IsOk());
+  const auto ca = server::CertificateAuthority::Open(this->folder());
+  const PeerIdentity good = identity;
+  identity.certificate_pem = *ca->IssuePeer(
+      {Role::kAgent, "pc-1", PublicKeyOf(good.certificate_pem)}, Now() - absl::Hours(24 * 40));
+  EXPECT_THAT(why(), StatusIs(absl::StatusCode::kAborted, HasSubstr("renewed just now")));
+  EXPECT_THAT(ExplainRefusal(folder, std::chrono::seconds(3)), IsOk());
+  identity = good;
+  ASSERT_THAT(authority().Revoke("rigcal://agents/pc-1"), IsOk());
+  EXPECT_THAT(why(), StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("revoked")));
+  StopServer();
+  EXPECT_THAT(why(), IsOk()) << "neither port answers: no reason is known";
+}
+
+// The HTTPS port is behind a firewall.
+TEST_F(JoinServer, SaysWhatTheHandshakeTellsOfARefusal) {
+  StartServer();
+  PeerIdentity identity = *rigcal::JoinServer(MakeJoin(), "pc-1");
+  StopServer();
+  TemporaryDirectory state;
+  const IdentityFolder folder = IdentityFolder::OfAgent(state.path());
+  const auto ca = server::CertificateAuthority::Open(this->folder());
+  const std::string key = *MakePrivateKey();
+  const std::string certificate = *ca->IssueServer(key, {"127.0.0.1"}, Now());
+  const Impostor other("");
+  const OneShotListener refusing(certificate, key, other.ca());
+  identity.grpc = {refusing.address()};
+  ASSERT_THAT(folder.Replace(identity), IsOk());
+  EXPECT_THAT(ExplainRefusal(folder, std::chrono::seconds(3)),
+              StatusIs(absl::StatusCode::kPermissionDenied,
+                       AllOf(HasSubstr(refusing.address()), HasSubstr("'pc-1'"))));
+  TemporaryDirectory elsewhere;
+  const auto other_ca = server::CertificateAuthority::Open(elsewhere.path());
+  const OneShotListener another(*other_ca->IssueServer(key, {"127.0.0.1"}, Now()), key, ca->pem());
+  identity.grpc = {another.address()};
+  ASSERT_THAT(folder.Replace(identity), IsOk());
+  EXPECT_THAT(ExplainRefusal(folder, std::chrono::seconds(3)),
+              StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("another CA")));
+}
+
+// Whoever asks too soon is asked for later, and not forgotten.
+TEST_F(JoinServer, ARevokedAgentIsToldSoonWheneverItAsks) {
+  StartServer();
+  ASSERT_OK_AND_ASSIGN(const PeerIdentity identity, rigcal::JoinServer(MakeJoin(), "pc-1"));
+  TemporaryDirectory state;
+  const IdentityFolder folder = IdentityFolder::OfAgent(state.path());
+  ASSERT_THAT(folder.Replace(identity), IsOk());
+  std::mutex mutex;
+  std::string told;
+  const auto keep = [&](const std::string& why) {
+    const std::lock_guard lock(mutex);
+    told = why;
+  };
+  RenewalThread thread(folder, {.renewed = [] {}, .trouble = keep}, std::chrono::minutes(10),
+                       std::chrono::milliseconds(500));
+  thread.Start();
+  // The first question, at the start, has been answered well.
+  ASSERT_TRUE(WaitFor([&] { return folder.Asked().has_value(); }));
+  ASSERT_THAT(authority().Revoke("rigcal://agents/pc-1"), IsOk());
+  thread.AskSoon();
+  EXPECT_TRUE(WaitFor(
+      [&] {
+        const std::lock_guard lock(mutex);
+        return told.find("was revoked") != std::string::npos;
+      },
+      std::chrono::seconds(60)));
 }
 
 TEST_F(JoinServer, IsRenewedByTheThread) {

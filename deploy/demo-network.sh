@@ -4,10 +4,12 @@
 # address of its own, connected by a virtual switch. Both camera PCs join the server with a string
 # and stream over TLS; in the middle of the recording the link of one of them fails and comes back.
 # Called by deploy/demo.sh --network, which builds first.
-#   deploy/demo-network.sh [cut | one-way | loss]
+#   deploy/demo-network.sh [cut | one-way | loss | impostor]
 #     cut      the link is down, as with a pulled cable (default)
 #     one-way  nothing from the server arrives at the PC; the server hears the PC
 #     loss     2 % of the packets are lost, in both directions
+#     impostor a fourth PC answers in the server's place while a PC joins, and learns nothing; no
+#              recording
 # RIGCAL_DEMO_SECONDS: length of the recording [36]; the fault lasts a third of it.
 # RIGCAL_DEMO_PROGRAMS: folder of the programs [build/release/bin].
 set -euo pipefail
@@ -26,8 +28,11 @@ case $fault in
   one-way | loss)
     command -v iptables >/dev/null || skip "the fault '$fault' needs iptables (Debian: iptables)"
     ;;
+  impostor)
+    command -v python3 >/dev/null || skip "the fault 'impostor' needs python3"
+    ;;
   *)
-    echo "demo-network: there is no fault '$fault'; use cut, one-way or loss" >&2
+    echo "demo-network: there is no fault '$fault'; use cut, one-way, loss or impostor" >&2
     exit 2
     ;;
 esac
@@ -99,6 +104,114 @@ both_are_connected() {
   [ "$(on server-pc rigcal agent list -o json | grep -c '"connected": *true')" -eq 2 ]
 }
 
+# The impostor has the server's address, too, and makes camera-pc-2 believe that it is his, as
+# forged answers to ARP do.
+lure() {
+  echo "impostor-pc answers camera-pc-2 at 192.168.77.10"
+  ip -n camera-pc-2 neighbour replace 192.168.77.10 dev eth0 nud permanent \
+    lladdr "$(ip netns exec impostor-pc cat /sys/class/net/eth0/address)"
+}
+let_go() {
+  echo "impostor-pc is gone"
+  ip -n camera-pc-2 neighbour del 192.168.77.10 dev eth0
+}
+# refused PC COMMAND...: typed there; fails if the command does not.
+refused() {
+  show "$@"
+  if on "$@" >"$folder/refused" 2>&1; then
+    cat "$folder/refused"
+    echo "demo-network: this had to be refused" >&2
+    exit 1
+  fi
+  sed -e 's/^/  /' "$folder/refused"
+}
+# expect TEXT: the command before said so.
+expect() {
+  grep -qF -- "$1" "$folder/refused" && return
+  echo "demo-network: the message had to say '$1'" >&2
+  exit 1
+}
+
+impostor_stages() {
+  stage "Somebody who wants to be taken for the server"
+  plug impostor-pc 192.168.77.66
+  local his=$folder/impostor-pc/.local/share/rigcal/identity true_ca=$folder/true.crt answer=$folder/ca-answer
+  local seen=$folder/seen agent_string user_string identity
+  # Anybody may fetch the server's CA.
+  on impostor-pc python3 -c 'import ssl, urllib.request
+print(urllib.request.urlopen("https://192.168.77.10:7421/v1/ca",
+      context=ssl._create_unverified_context()).read().decode(), end="")' >"$true_ca"
+  ip netns exec impostor-pc sh -c 'echo 8 >/proc/sys/net/ipv4/conf/all/arp_ignore'
+  ip -n impostor-pc address add 192.168.77.10/32 dev eth0
+  printf '[https]\nlisten = "0.0.0.0:7431"\n' >"$folder/impostor.toml"
+  start_on impostor-pc rigcal-server --config "$folder/impostor.toml" --listen 0.0.0.0
+  await "the impostor's server starts" on impostor-pc rigcal agent list
+  cp "$true_ca" "$answer"
+  exec_on impostor-pc python3 "$root/deploy/impostor.py" "$his/server.crt" "$his/server.key" \
+    "$answer" "$seen" >"$folder/impostor.log" 2>&1 &
+  pids+=($!)
+  await "the impostor answers" on impostor-pc python3 -c \
+    'import socket; socket.create_connection(("127.0.0.1", 7421), 1)'
+
+  stage "A PC joins while he answers"
+  agent_string=$(on server-pc rigcal token create --name camera-pc-2)
+  user_string=$(on server-pc rigcal token create --role operator 2>/dev/null)
+  lure
+  local kind
+  for kind in his both both-reversed twice chain true; do
+    case $kind in
+      his) cat "$his/ca.crt" ;;
+      both) cat "$true_ca" "$his/ca.crt" ;;
+      both-reversed) cat "$his/ca.crt" "$true_ca" ;;
+      twice) cat "$true_ca" "$true_ca" "$his/ca.crt" ;;
+      chain) cat "$his/server.crt" "$his/ca.crt" "$true_ca" ;;
+      true) cat "$true_ca" ;;
+    esac >"$answer"
+    echo "he shows as the CA: $kind"
+    refused camera-pc-2 rigcal-agent join "$agent_string"
+    expect "othing was sent to it"
+    refused camera-pc-2 rigcal login "$user_string"
+    expect "othing was sent to it"
+  done
+  if [ -s "$seen" ]; then
+    echo "demo-network: the impostor was sent: $(cat "$seen")" >&2
+    exit 1
+  fi
+  echo "the impostor has seen no secret"
+
+  stage "The same strings, and the server itself"
+  let_go
+  type_on camera-pc-2 rigcal-agent join "$agent_string"
+  type_on camera-pc-2 rigcal login "$user_string"
+  type_on camera-pc-2 rigcal doctor
+
+  stage "Who has joined does not talk to him either"
+  lure
+  refused camera-pc-2 rigcal agent list
+  expect "not of the CA that this PC trusts"
+  refused camera-pc-2 rigcal doctor
+  expect "is not the one that this user has joined"
+  let_go
+
+  stage "A folder that trusts him, as earlier versions may have left it"
+  identity=$folder/camera-pc-2/.local/state/rigcal/agent/default/identity
+  cat "$his/ca.crt" >>"$identity/ca.crt"
+  refused camera-pc-2 rigcal-agent --source sim:camera=2
+  expect "ca.crt holds 2 PEM blocks"
+  refused camera-pc-2 rigcal doctor
+  expect "ca.crt holds 2 PEM blocks"
+  cp "$true_ca" "$identity/ca.crt"
+
+  stage "A PC that is forgotten is told so"
+  type_on server-pc rigcal agent forget camera-pc-2
+  refused camera-pc-2 rigcal doctor
+  expect "was revoked"
+  if [ -s "$seen" ]; then
+    echo "demo-network: the impostor was sent: $(cat "$seen")" >&2
+    exit 1
+  fi
+}
+
 stage "Three PCs and a switch"
 mount -t tmpfs tmpfs /run # ip keeps the names of namespaces there
 ip link add switch type bridge
@@ -121,6 +234,11 @@ stage "A server that the network can reach"
 start_on server-pc rigcal-server --listen 0.0.0.0
 await "the server starts" on server-pc rigcal agent list
 show_log server-pc
+
+if [ "$fault" = impostor ]; then
+  impostor_stages
+  exit 0
+fi
 
 stage "Each PC with cameras joins with a string"
 for pc in camera-pc-1 camera-pc-2; do

@@ -56,7 +56,9 @@ class Join : public ::testing::Test {
   // As a user elsewhere, who has no server in his environment.
   CommandResult User(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "rigcal");
-    return RunCommand(arguments, {{"RIGCAL_SERVER", ""}, {"XDG_CONFIG_HOME", path("user")}});
+    return RunCommand(arguments, {{"RIGCAL_SERVER", ""},
+                                  {"XDG_CONFIG_HOME", path("user")},
+                                  {"XDG_STATE_HOME", path("state")}});
   }
   // On a PC without avahi-daemon.
   CommandResult JoinAgent(std::vector<std::string> arguments) {
@@ -157,9 +159,56 @@ TEST_F(Join, AUserLogsInAndDoesWhatHisRoleAllows) {
   const std::string id = list.output.substr(list.output.find("t-"), 10);
   EXPECT_EQ(Admin({"token", "revoke", id}).exit_code, 0);
   EXPECT_TRUE(WaitFor([&] { return User({"session", "list"}).exit_code != 0; }));
+  // The last line is the cause.
+  const std::string error = User({"session", "list"}).error;
+  EXPECT_THAT(error.substr(error.rfind('\n', error.size() - 2) + 1),
+              HasSubstr("the certificate of rigcal://users/anna was revoked"));
   const CommandResult why = User({"doctor"});
   EXPECT_NE(why.exit_code, 0);
   EXPECT_THAT(why.output, AllOf(HasSubstr("revoked"), HasSubstr("rigcal login")));
+}
+
+// F9: an agent on the server's PC needs no certificate, and has a name and cameras.
+TEST_F(Join, AStringWithoutANameTakesNoAgentsPlace) {
+  Process plain({{"rigcal-agent", "--server", address_, "--agent-id", "pc-1", "--state-dir",
+                  path("plain"), "--source", "sim:camera=0"},
+                 {}});
+  ASSERT_TRUE(WaitFor([&] { return AgentState() == "connected"; })) << plain.StandardError();
+  const CommandResult taken = JoinAgent({Token(), "--agent-id", "pc-1"});
+  EXPECT_EQ(taken.exit_code, 1);
+  EXPECT_THAT(taken.error, AllOf(HasSubstr("rig/sim_0"), HasSubstr("--name pc-1"),
+                                 HasSubstr("rigcal agent forget pc-1")));
+  plain.Signal(SIGTERM);
+  EXPECT_EQ(plain.Wait(), 0) << plain.StandardError();
+  const CommandResult forgotten = Admin({"agent", "forget", "pc-1"});
+  EXPECT_EQ(forgotten.exit_code, 0) << forgotten.error;
+  const CommandResult joined = JoinAgent({Token(), "--agent-id", "pc-1"});
+  EXPECT_EQ(joined.exit_code, 0) << joined.error;
+}
+
+// F1: a folder in which a second CA was left by an earlier version.
+TEST_F(Join, AFolderThatTrustsTwoIsNamedAndNotUsed) {
+  const std::string state = path("state") + "/rigcal/agent/default";
+  ASSERT_EQ(User({"login", Token({"--role", "operator"}), "--name", "anna"}).exit_code, 0);
+  ASSERT_EQ(
+      RunCommand({"rigcal-agent", "join", Token(), "--agent-id", "pc-1", "--state-dir", state})
+          .exit_code,
+      0);
+  EXPECT_THAT(User({"doctor"}).output, HasSubstr("agent pc-1: its server takes its certificate"));
+  const TemporaryDirectory elsewhere;
+  const std::string other = server::CertificateAuthority::Open(elsewhere.path())->pem();
+  for (const std::string& folder : {path("user") + "/rigcal/identity", state + "/identity"}) {
+    std::ofstream(folder + "/ca.crt", std::ios::app) << other;
+    const CommandResult doctor = User({"doctor", address_});
+    EXPECT_NE(doctor.exit_code, 0);
+    EXPECT_THAT(doctor.output, AllOf(HasSubstr(folder), HasSubstr("ca.crt holds 2 PEM blocks"),
+                                     HasSubstr("join again")));
+  }
+  const CommandResult agent =
+      RunCommand({"rigcal-agent", "--state-dir", state, "--source", "sim:camera=0"});
+  EXPECT_EQ(agent.exit_code, 1);
+  EXPECT_THAT(agent.error,
+              AllOf(HasSubstr("ca.crt holds 2 PEM blocks"), HasSubstr("rigcal-agent join STRING")));
 }
 
 TEST_F(Join, WrongStringsAreExplained) {

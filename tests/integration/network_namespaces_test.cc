@@ -24,8 +24,8 @@ using ::testing::Not;
 
 constexpr char kScript[] = RIGCAL_SOURCE_DIR "/deploy/demo-network.sh";
 
-// The recording is three times as long. In less than 15 s the wand sees too little of the volume for a calibration that
-// is always acceptable.
+// The recording is three times as long. In less than 15 s the wand sees too little of the volume
+// for a calibration that is always acceptable.
 int OutageSeconds() {
   const char* asked = std::getenv("RIGCAL_OUTAGE_SECONDS");
   return asked == nullptr ? 5 : std::max(1, std::atoi(asked));
@@ -69,6 +69,19 @@ TEST(NetworkNamespaces, NothingIsLostWhateverTheLinkDoes) {
                               HasSubstr("): succeeded"), Not(HasSubstr("not verified"))));
   }
   if (!skipped.empty()) GTEST_SKIP() << skipped;
+}
+
+// F1: who answers in the server's place is shown nothing, whatever he shows as the CA.
+TEST(NetworkNamespaces, AnImpostorLearnsNothing) {
+  const auto demo = StartDemo("impostor");
+  ASSERT_EQ(demo->Wait(std::chrono::seconds(180)), 0)
+      << demo->StandardOutput() << demo->StandardError();
+  const std::string output = demo->StandardOutput();
+  if (output.find("skipped: ") == 0) GTEST_SKIP() << output;
+  EXPECT_THAT(output, AllOf(HasSubstr("the impostor has seen no secret"),
+                            HasSubstr("holds 2 PEM blocks"), HasSubstr("holds 3 PEM blocks"),
+                            HasSubstr("agent camera-pc-2 has joined the server at 192.168.77.10"),
+                            HasSubstr("ca.crt holds 2 PEM blocks"), HasSubstr("was revoked")));
 }
 
 TEST(NetworkNamespaces, AnUnknownFaultIsRefused) {

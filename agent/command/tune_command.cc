@@ -10,6 +10,7 @@
 #include "agent/command/frame_input.h"
 #include "agent/command/subcommands.h"
 #include "agent/detect/frame/colour_tuning.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -74,12 +75,7 @@ std::string TunedJson(const TunedColour& tuned) {
 absl::Status Tune(const TuneFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const TunedColour tuned, LearnColour(flags));
   const std::string snippet = Snippet(tuned.colour);
-  if (!flags.out.empty()) {
-    std::ofstream stream(flags.out, std::ios::binary | std::ios::trunc);
-    stream << snippet;
-    stream.close();
-    if (!stream) return absl::PermissionDeniedError(absl::StrCat("cannot write ", flags.out));
-  }
+  if (!flags.out.empty()) RIGCAL_RETURN_IF_ERROR(WriteOutputFile(flags.out, snippet));
   if (flags.format == "json") {
     out << TunedJson(tuned);
     return absl::OkStatus();

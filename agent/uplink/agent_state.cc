@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/uplink/agent_state.h"
 
-#include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -21,6 +20,9 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "common/file/durable_file.h"
+#include "common/file/file_error.h"
+#include "common/file/private_folder.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
 
@@ -39,31 +41,15 @@ struct StoredState {
   std::vector<uint32_t> stream_epochs;  // of the last runs, the newest last
 };
 
-absl::Status Errno(const std::string& what, const std::filesystem::path& path) {
-  return absl::ErrnoToStatus(errno, absl::StrCat("cannot ", what, " ", path.string()));
-}
-
-absl::StatusOr<int> Lock(const std::filesystem::path& directory) {
+absl::StatusOr<FileDescriptor> Lock(const std::filesystem::path& directory) {
   const std::filesystem::path path = directory / kLockFile;
-  const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (fd < 0) return Errno("open", path);
+  RIGCAL_ASSIGN_OR_RETURN(FileDescriptor file, OpenPrivateFile(path));
   // The kernel releases it when the process ends, however that happens.
-  if (flock(fd, LOCK_EX | LOCK_NB) == 0) return fd;
-  absl::Status status = errno == EWOULDBLOCK
-                            ? absl::AlreadyExistsError(absl::StrCat(
-                                  "another agent uses the state directory ", directory.string(),
-                                  "; stop it, or give this one another --state-dir"))
-                            : Errno("lock", path);
-  close(fd);
-  return status;
-}
-
-absl::Status Sync(const std::filesystem::path& path, int flags) {
-  const int fd = open(path.c_str(), flags | O_CLOEXEC);
-  if (fd < 0) return Errno("open", path);
-  const absl::Status status = fsync(fd) == 0 ? absl::OkStatus() : Errno("sync", path);
-  close(fd);
-  return status;
+  if (flock(file.get(), LOCK_EX | LOCK_NB) == 0) return file;
+  if (errno != EWOULDBLOCK) return FileError("lock", path, errno);
+  return absl::AlreadyExistsError(absl::StrCat("another agent uses the state directory ",
+                                               directory.string(),
+                                               "; stop it, or give this one another --state-dir"));
 }
 
 std::string MadeAgentId() {
@@ -117,17 +103,11 @@ absl::StatusOr<StoredState> Load(const std::filesystem::path& path) {
 }
 
 absl::Status Save(const std::filesystem::path& directory, const StoredState& state) {
-  const std::filesystem::path path = directory / kStateFile;
-  const std::filesystem::path temporary = directory / (std::string(kStateFile) + ".new");
-  {
-    std::ofstream file(temporary, std::ios::trunc);
-    file << "agent_id=" << state.identity.agent_id << "\nincarnation=" << state.identity.incarnation
-         << "\nstream_epochs=" << absl::StrJoin(state.stream_epochs, ",") << '\n';
-    if (!file.flush()) return Errno("write", temporary);
-  }
-  RIGCAL_RETURN_IF_ERROR(Sync(temporary, O_RDONLY));
-  if (std::rename(temporary.c_str(), path.c_str()) != 0) return Errno("replace", path);
-  return Sync(directory, O_RDONLY | O_DIRECTORY);
+  return WriteDurableFile(
+      directory / kStateFile,
+      absl::StrCat("agent_id=", state.identity.agent_id,
+                   "\nincarnation=", state.identity.incarnation,
+                   "\nstream_epochs=", absl::StrJoin(state.stream_epochs, ","), "\n"));
 }
 
 // Made at the first start, readable for this user only.
@@ -141,19 +121,12 @@ absl::StatusOr<std::string> LoadOrMakeSecret(const std::filesystem::path& direct
                      " is damaged; restore it, or remove it and give the agent a new --agent-id"));
   }
   std::array<unsigned char, kSecretDigits / 2> bytes{};
-  if (getentropy(bytes.data(), bytes.size()) != 0) return Errno("make random numbers for", path);
+  if (getentropy(bytes.data(), bytes.size()) != 0) {
+    return FileError("make random numbers for", path, errno);
+  }
   secret.clear();
   for (const unsigned char byte : bytes) absl::StrAppendFormat(&secret, "%02x", byte);
-  const std::filesystem::path temporary = path.string() + ".new";
-  const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
-  if (fd < 0) return Errno("open", temporary);
-  const std::string line = secret + "\n";
-  const bool written =
-      write(fd, line.data(), line.size()) == static_cast<ssize_t>(line.size()) && fsync(fd) == 0;
-  close(fd);
-  if (!written) return Errno("write", temporary);
-  if (std::rename(temporary.c_str(), path.c_str()) != 0) return Errno("replace", path);
-  RIGCAL_RETURN_IF_ERROR(Sync(directory, O_RDONLY | O_DIRECTORY));
+  RIGCAL_RETURN_IF_ERROR(WriteDurableFile(path, secret + "\n"));
   return secret;
 }
 
@@ -173,14 +146,10 @@ std::string HostName() {
 absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directory,
                                             const std::string& agent_id) {
   if (!agent_id.empty()) RIGCAL_RETURN_IF_ERROR(ValidateName("agent_id", agent_id));
-  std::error_code error;
-  std::filesystem::create_directories(directory, error);
-  if (error) {
-    return absl::ErrnoToStatus(
-        error.value(), absl::StrCat("cannot create the state directory ", directory.string()));
-  }
-  RIGCAL_ASSIGN_OR_RETURN(const int lock_fd, Lock(directory));
-  AgentState state(lock_fd);
+  RIGCAL_RETURN_IF_ERROR(MakePrivateFolder(directory));
+  RIGCAL_ASSIGN_OR_RETURN(FileDescriptor lock, Lock(directory));
+  RemoveUnfinishedFiles(directory);
+  AgentState state(std::move(lock));
   RIGCAL_ASSIGN_OR_RETURN(StoredState stored, Load(directory / kStateFile));
   AgentIdentity& identity = stored.identity;
   if (!agent_id.empty()) identity.agent_id = agent_id;
@@ -208,13 +177,6 @@ absl::StatusOr<std::filesystem::path> AgentState::DefaultDirectory(const std::st
   }
   return absl::FailedPreconditionError(
       "neither XDG_STATE_HOME nor HOME is set: give --state-dir DIR");
-}
-
-AgentState::AgentState(AgentState&& other) noexcept
-    : lock_fd_(std::exchange(other.lock_fd_, -1)), identity_(std::move(other.identity_)) {}
-
-AgentState::~AgentState() {
-  if (lock_fd_ >= 0) close(lock_fd_);
 }
 
 }  // namespace rigcal::agent

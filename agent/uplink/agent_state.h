@@ -4,8 +4,10 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <utility>
 
 #include "absl/status/statusor.h"
+#include "common/file/file_descriptor.h"
 
 namespace rigcal::agent {
 
@@ -36,16 +38,12 @@ class AgentState {
   // "default" as NAME. FAILED_PRECONDITION: neither variable is set.
   static absl::StatusOr<std::filesystem::path> DefaultDirectory(const std::string& agent_id);
 
-  AgentState(AgentState&& other) noexcept;
-  AgentState& operator=(AgentState&& other) = delete;
-  ~AgentState();
-
   const AgentIdentity& identity() const { return identity_; }
 
  private:
-  explicit AgentState(int lock_fd) : lock_fd_(lock_fd) {}
+  explicit AgentState(FileDescriptor lock) : lock_(std::move(lock)) {}
 
-  int lock_fd_;
+  FileDescriptor lock_;
   AgentIdentity identity_;
 };
 

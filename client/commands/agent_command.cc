@@ -9,6 +9,7 @@
 #include "absl/strings/str_replace.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
+#include "common/file/durable_file.h"
 
 namespace rigcal::client {
 namespace {
@@ -141,7 +142,7 @@ ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& conte
   if (!preview.ok()) return context.Fail(preview.status());
   // The server has checked the name: it is no path.
   const std::string file = options.file.empty() ? preview->info().camera() + ".jpg" : options.file;
-  if (const absl::Status status = ReplaceFile(file, preview->jpeg()); !status.ok()) {
+  if (const absl::Status status = WriteOutputFile(file, preview->jpeg()); !status.ok()) {
     return context.Fail(absl::FailedPreconditionError(
         absl::StrCat(std::string(status.message()), "; name another file with --out")));
   }

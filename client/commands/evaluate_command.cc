@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/evaluate_command.h"
 
-#include <fstream>
-
-#include "absl/strings/str_cat.h"
+#include "common/file/durable_file.h"
 
 namespace rigcal::client {
 
@@ -17,13 +15,8 @@ ExitCode Evaluate(const EvaluateCommandOptions& options, CommandContext& context
   const absl::StatusOr<TrajectoryEvaluation> evaluation =
       EvaluateTrajectories(*estimate, *truth, evaluation_options);
   if (evaluation.ok() && !options.plot.empty()) {
-    std::ofstream file(options.plot, std::ios::binary);
-    file << PlotAsSvg(*evaluation);
-    file.close();
-    if (!file) {
-      return context.Fail(
-          absl::FailedPreconditionError(absl::StrCat(options.plot, ": cannot write the plot")));
-    }
+    const absl::Status written = WriteOutputFile(options.plot, PlotAsSvg(*evaluation));
+    if (!written.ok()) return context.Fail(written);
   }
   return context.Show(evaluation, FormatTrajectoryEvaluation);
 }

@@ -16,6 +16,7 @@
 #include "client/results/calibration_file.h"
 #include "client/results/calibration_import.h"
 #include "client/results/origin_report.h"
+#include "common/file/durable_file.h"
 #include "common/origin/solve_origin.h"
 #include "common/status/status_macros.h"
 #include "common/target/target_file.h"
@@ -102,7 +103,7 @@ absl::StatusOr<OriginReport> WriteOrigin(const std::string& which,
   RIGCAL_RETURN_IF_ERROR(solution.status());
   report.solution = *solution;
   SetResult(WithOrigin(calibration, file.calibration.id(), request.source, *solution), &file);
-  RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.target.output, CalibrationText(file)));
+  RIGCAL_RETURN_IF_ERROR(WriteOutputFile(options.target.output, CalibrationText(file)));
   report.calibration = which;
   report.output = options.target.output;
   return report;

@@ -15,6 +15,7 @@
 #include "client/results/calibration_file.h"
 #include "client/results/scale_report.h"
 #include "client/results/triangulation_file.h"
+#include "common/file/durable_file.h"
 #include "common/scale/solve_scale.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
@@ -119,7 +120,7 @@ absl::StatusOr<ScaleReport> WriteScale(const std::string& which, const ScaleComm
   RIGCAL_ASSIGN_OR_RETURN(report.fusion, FuseSources(calibration, request, request.measured));
   if (report.fusion.odd >= 0 || report.fusion.undecided) return report;
   SetResult(WithScale(calibration, file.calibration.id(), report.fusion), &file);
-  RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.target.output, CalibrationText(file)));
+  RIGCAL_RETURN_IF_ERROR(WriteOutputFile(options.target.output, CalibrationText(file)));
   report.output = options.target.output;
   return report;
 }

@@ -13,6 +13,7 @@
 #include "client/output/output.h"
 #include "client/results/marker_rows.h"
 #include "client/results/triangulation_file.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 #include "common/triangulate/convention_check.h"
 
@@ -46,7 +47,7 @@ absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandO
   if (options.output == "-") {
     context.console.out << points << std::flush;
   } else {
-    RIGCAL_RETURN_IF_ERROR(ReplaceFile(options.output, points));
+    RIGCAL_RETURN_IF_ERROR(WriteOutputFile(options.output, points));
   }
   TriangulationSummary summary = Summarise(calibration, triangulation);
   summary.calibration = options.calibration;

@@ -3,13 +3,7 @@
 
 #include <google/protobuf/util/json_util.h>
 
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <fstream>
 #include <nlohmann/json.hpp>
-
-#include "absl/strings/str_cat.h"
 
 namespace rigcal::client {
 
@@ -27,17 +21,6 @@ std::string ToJson(const google::protobuf::Message& message, bool indented) {
   }
   while (!json.empty() && json.back() == '\n') json.pop_back();
   return json;
-}
-
-absl::Status ReplaceFile(const std::filesystem::path& path, const std::string& bytes) {
-  const std::string temporary = path.string() + ".new";
-  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (file && std::rename(temporary.c_str(), path.c_str()) == 0) return absl::OkStatus();
-  const std::string why = std::strerror(errno);
-  std::remove(temporary.c_str());
-  return absl::FailedPreconditionError(absl::StrCat("cannot write ", path.string(), ": ", why));
 }
 
 std::string JsonText(const nlohmann::ordered_json& json) {

@@ -7,6 +7,7 @@
 #include "client/output/output.h"
 #include "client/results/ground_truth_comparison.h"
 #include "common/export/covariance_json.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::client {
@@ -29,7 +30,7 @@ absl::StatusOr<std::vector<std::filesystem::path>> WriteFiles(
   std::vector<std::filesystem::path> paths;
   for (const ExportFile& file : files) {
     paths.push_back(directory / file.name);
-    RIGCAL_RETURN_IF_ERROR(ReplaceFile(paths.back(), file.content));
+    RIGCAL_RETURN_IF_ERROR(WriteOutputFile(paths.back(), file.content));
   }
   return paths;
 }

@@ -1,26 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/camera/camera_export.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstdio>
-#include <filesystem>
 #include <opencv2/core.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "common/file/durable_file.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal {
 namespace {
-
-absl::Status ErrnoStatus(const std::string& path, const char* what, int error) {
-  return absl::ErrnoToStatus(error, absl::StrCat(path, ": cannot ", what));
-}
 
 std::string YamlOf(const CameraExport& camera) {
   const Intrinsics& intrinsics = camera.intrinsics;
@@ -44,38 +35,6 @@ std::string YamlOf(const CameraExport& camera) {
   return storage.releaseAndGetString();
 }
 
-absl::Status WriteDurably(const std::string& path, const std::string& text) {
-  std::FILE* const file = std::fopen(path.c_str(), "we");
-  if (file == nullptr) return ErrnoStatus(path, "create", errno);
-  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size() &&
-                       std::fflush(file) == 0 && ::fsync(::fileno(file)) == 0;
-  const int error = errno;
-  const bool closed = std::fclose(file) == 0;
-  if (!written) return ErrnoStatus(path, "write", error);
-  return closed ? absl::OkStatus() : ErrnoStatus(path, "close", errno);
-}
-
-absl::Status ReplaceFile(const std::string& path, const std::string& text) {
-  const std::string temporary = absl::StrCat(path, ".", ::getpid(), ".tmp");
-  absl::Status status = WriteDurably(temporary, text);
-  if (status.ok() && ::rename(temporary.c_str(), path.c_str()) != 0) {
-    status = ErrnoStatus(path, "replace", errno);
-  }
-  if (!status.ok()) {
-    ::unlink(temporary.c_str());
-    return status;
-  }
-  const std::filesystem::path parent = std::filesystem::path(path).parent_path();
-  const std::string folder = parent.empty() ? "." : parent.string();
-  const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  // Without this the new name may be lost with the power; some file systems cannot and say EINVAL.
-  if (directory < 0 || (::fsync(directory) != 0 && errno != EINVAL)) {
-    status = ErrnoStatus(folder, "sync the folder", errno);
-  }
-  if (directory >= 0) ::close(directory);
-  return status;
-}
-
 }  // namespace
 
 absl::StatusOr<std::string> CameraExportText(const CameraExport& camera) {
@@ -97,7 +56,7 @@ absl::StatusOr<std::string> CameraExportText(const CameraExport& camera) {
 
 absl::Status WriteCameraExport(const std::string& path, const CameraExport& camera) {
   const absl::StatusOr<std::string> text = CameraExportText(camera);
-  if (text.ok()) return ReplaceFile(path, *text);
+  if (text.ok()) return WriteOutputFile(path, *text);
   return absl::Status(text.status().code(),
                       absl::StrCat(path, ": ", std::string(text.status().message())));
 }

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/identity/durable_file.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::server {

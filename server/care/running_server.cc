@@ -2,12 +2,12 @@
 #include "server/care/running_server.h"
 
 #include <spdlog/spdlog.h>
-#include <sys/stat.h>
 
 #include <fstream>
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "common/file/durable_file.h"
 
 namespace rigcal::server {
 namespace {
@@ -19,15 +19,8 @@ constexpr char kAddressFile[] = "address";
 RunningServerNote::RunningServerNote(const std::filesystem::path& data_directory,
                                      const std::string& address)
     : file_(data_directory / kAddressFile) {
-  const std::string temporary = file_.string() + ".new";
-  {
-    std::ofstream file(temporary, std::ios::trunc);
-    chmod(temporary.c_str(), 0600);
-    file << address << "\n";
-  }
-  std::error_code error;
-  std::filesystem::rename(temporary, file_, error);
-  if (error) spdlog::warn("cannot write {}: {}", file_.string(), error.message());
+  const absl::Status written = WriteDurableFile(file_, address + "\n");
+  if (!written.ok()) spdlog::warn("{}", std::string(written.message()));
 }
 
 RunningServerNote::~RunningServerNote() {

@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "common/identity/durable_file.h"
+#include "common/file/durable_file.h"
 #include "common/identity/private_key.h"
 #include "common/status/status_macros.h"
 

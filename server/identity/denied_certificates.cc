@@ -7,7 +7,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
-#include "common/identity/durable_file.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 #include "server/identity/json_fields.h"
 

@@ -2,7 +2,7 @@
 #include "server/identity/identity_registry.h"
 
 #include "absl/strings/str_cat.h"
-#include "common/identity/durable_file.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 #include "server/identity/certificate_authority.h"
 #include "server/identity/json_fields.h"

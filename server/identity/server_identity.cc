@@ -7,8 +7,8 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
+#include "common/file/durable_file.h"
 #include "common/identity/certificate.h"
-#include "common/identity/durable_file.h"
 #include "common/identity/join_string.h"
 #include "common/identity/private_key.h"
 #include "common/status/status_macros.h"

@@ -1,20 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/listen/port_file.h"
 
-#include <cstdio>
-#include <fstream>
+#include "absl/strings/str_cat.h"
+#include "common/file/durable_file.h"
 
 namespace rigcal::server {
 
 absl::Status WritePortFile(const std::string& path, int port) {
-  const std::string temporary = path + ".new";
-  std::ofstream file(temporary, std::ios::trunc);
-  file << port << "\n";
-  file.close();
-  if (!file || std::rename(temporary.c_str(), path.c_str()) != 0) {
-    return absl::UnavailableError("cannot write the port file " + path);
-  }
-  return absl::OkStatus();
+  const absl::Status written = WriteOutputFile(path, absl::StrCat(port, "\n"));
+  if (written.ok()) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrCat("the port file is not written: ", std::string(written.message())));
 }
 
 }  // namespace rigcal::server

@@ -12,10 +12,10 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
 #include "common/text/nesting.h"
-#include "server/session/durable_file.h"
 
 namespace rigcal::server {
 namespace {
@@ -199,7 +199,7 @@ absl::Status AgentRegistry::Save(Installations installations, Owners owners) {
       cameras.push_back({{"rig", camera.first}, {"camera", camera.second}, {"agent_id", agent_id}});
     }
     const nlohmann::ordered_json file = {{"agents", agents}, {"cameras", cameras}};
-    RIGCAL_RETURN_IF_ERROR(ReplaceDurably(
+    RIGCAL_RETURN_IF_ERROR(WriteDurableFile(
         options_.file, file.dump(1, ' ', true, nlohmann::json::error_handler_t::replace) + "\n"));
   }
   installations_ = std::move(installations);

@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 #include "common/text/nesting.h"
-#include "server/session/durable_file.h"
 
 namespace rigcal::server {
 namespace {
@@ -85,7 +85,7 @@ absl::Status MonitorSettings::Set(const std::string& rig, MonitorMode mode) {
   if (!file_.empty()) {
     nlohmann::json rigs = nlohmann::json::object();
     for (const auto& [name, its_mode] : modes) rigs[name] = std::string(MonitorModeName(its_mode));
-    RIGCAL_RETURN_IF_ERROR(ReplaceDurably(file_, nlohmann::json{{"rigs", rigs}}.dump(2) + "\n"));
+    RIGCAL_RETURN_IF_ERROR(WriteDurableFile(file_, nlohmann::json{{"rigs", rigs}}.dump(2) + "\n"));
   }
   modes_ = std::move(modes);
   return absl::OkStatus();

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/static_mask.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 #include "common/text/nesting.h"
 
@@ -38,9 +39,8 @@ absl::Status Replace(const fs::path& path, const std::function<absl::Status(std:
   if (absl::Status status = write(beside.string()); !status.ok()) {
     return KeepFault(path, std::string(status.message()));
   }
-  std::error_code error;
-  fs::rename(beside, path, error);
-  return error ? KeepFault(path, error.message()) : absl::OkStatus();
+  const absl::Status renamed = SyncAndRename(beside, path);
+  return renamed.ok() ? renamed : KeepFault(path, std::string(renamed.message()));
 }
 
 json ToJson(const ColourRange& colour) {
@@ -78,12 +78,8 @@ absl::Status KeepDetector(const fs::path& folder, const DetectorControl& detecto
   const fs::path colour_path = folder / (detector.camera().camera + ".json");
   const fs::path mask_path = folder / (detector.camera().camera + ".png");
   if (const auto colour = detector.learnt_colour()) {
-    RIGCAL_RETURN_IF_ERROR(Replace(colour_path, [&](const std::string& path) -> absl::Status {
-      std::ofstream stream(path, std::ios::binary | std::ios::trunc);
-      stream << ToJson(*colour).dump(2) << "\n";
-      stream.close();
-      return stream ? absl::OkStatus() : absl::PermissionDeniedError("it cannot be written");
-    }));
+    const absl::Status written = WriteDurableFile(colour_path, ToJson(*colour).dump(2) + "\n");
+    if (!written.ok()) return KeepFault(colour_path, std::string(written.message()));
   } else {
     RIGCAL_RETURN_IF_ERROR(Remove(colour_path));
   }

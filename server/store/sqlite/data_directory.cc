@@ -14,8 +14,8 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
-#include "server/store/sqlite/private_files.h"
 
 namespace rigcal::server {
 namespace {
@@ -41,7 +41,7 @@ absl::Status CreateDirectory(const std::filesystem::path& path) {
   std::filesystem::create_directories(folder.parent_path(), error);
   if (error) return FileError("creating data directory", path, error.value());
   if (mkdir(folder.c_str(), kFolderMode) == 0) {
-    SyncFolder(folder.parent_path());
+    RIGCAL_RETURN_IF_ERROR(SyncFolder(folder.parent_path()));
   } else if (errno != EEXIST) {
     return FileError("creating data directory", path, errno);
   }

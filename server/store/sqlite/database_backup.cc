@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
-#include "server/store/sqlite/private_files.h"
 #include "server/store/sqlite/record_checksum.h"
 #include "server/store/sqlite/sqlite_connection.h"
 #include "server/store/sqlite/sqlite_schema.h"
@@ -23,6 +23,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kStepPages = 1024;
+// The largest, audit.jsonl, is cut long before.
+constexpr size_t kMaxSmallFile = size_t{1} << 30;
 // Copying is this part of the work, checking the copy the rest.
 constexpr double kCopyPart = 0.6;
 constexpr char kBackupTables[] = R"sql(
@@ -68,7 +70,8 @@ absl::Status AddSmallFiles(const fs::path& data_directory, SQLite::Database& cop
   copy.exec(kBackupTables);
   SQLite::Statement insert(copy, "INSERT INTO backup_file(path, body, checksum) VALUES(?,?,?)");
   for (const fs::path& name : SmallFiles(data_directory)) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::string body, ReadWholeFile(data_directory / name));
+    RIGCAL_ASSIGN_OR_RETURN(const std::string body,
+                            ReadWholeFile(data_directory / name, kMaxSmallFile));
     Execute(insert, name.string(), Blob{body}, Checksum(body));
   }
   transaction.commit();

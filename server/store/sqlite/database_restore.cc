@@ -11,10 +11,10 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 #include "server/store/sqlite/data_directory.h"
 #include "server/store/sqlite/database_backup.h"
-#include "server/store/sqlite/private_files.h"
 #include "server/store/sqlite/record_checksum.h"
 #include "server/store/sqlite/sqlite_connection.h"
 
@@ -66,7 +66,7 @@ absl::Status UnpackSmallFiles(const fs::path& folder) {
             absl::StrCat("the file ", path.string(), " in the backup is damaged"));
       }
       if (path.has_parent_path()) mkdir((folder / path.parent_path()).c_str(), 0700);
-      RIGCAL_RETURN_IF_ERROR(WritePrivateFile(folder / path, body));
+      RIGCAL_RETURN_IF_ERROR(CreatePrivateFile(folder / path, body));
     }
     row.reset();
     database.exec("DROP TABLE backup_file");
@@ -121,8 +121,7 @@ absl::Status SwapFolders(const fs::path& folder, const fs::path& aside, const fs
     fs::rename(aside, folder, ignored);
     return FolderError("naming the restored folder", folder, error);
   }
-  SyncFolder(fs::absolute(folder).parent_path());
-  return absl::OkStatus();
+  return SyncFolder(fs::absolute(folder).parent_path());
 }
 
 }  // namespace

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "common/enrolment/https_call.h"
-#include "common/identity/durable_file.h"
+#include "common/file/durable_file.h"
 #include "server/identity/server_identity.h"
 #include "tests/server/http/join_fixture.h"
 #include "tests/testing/process.h"

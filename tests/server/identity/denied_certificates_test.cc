@@ -6,7 +6,7 @@
 
 #include <filesystem>
 
-#include "common/identity/durable_file.h"
+#include "common/file/durable_file.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 #include "tests/testing/test_ca.h"

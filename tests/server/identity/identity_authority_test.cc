@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
+#include "common/file/durable_file.h"
 #include "common/identity/certificate_request.h"
-#include "common/identity/durable_file.h"
 #include "common/identity/join_string.h"
 #include "common/identity/private_key.h"
 #include "server/identity/denied_certificates.h"

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "common/file/durable_file.h"
 #include "common/identity/certificate.h"
-#include "common/identity/durable_file.h"
 #include "common/identity/private_key.h"
 #include "server/identity/certificate_authority.h"
 #include "tests/testing/status_matchers.h"

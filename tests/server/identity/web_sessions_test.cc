@@ -8,7 +8,7 @@
 #include <memory>
 #include <string>
 
-#include "common/identity/durable_file.h"
+#include "common/file/durable_file.h"
 #include "server/identity/identity_authority.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"

@@ -135,10 +135,17 @@ ExitCode ForgetAgent(const std::string& name, CommandContext& context) {
   ServerConnection server(context.server);
   v1::RevokeRequest request;
   request.set_uri(PeerUri(Role::kAgent, name));
+  const auto identities = server.Call(&v1::IdentityService::Stub::ListIdentities, {});
+  if (!identities.ok()) return context.Fail(identities.status());
+  const bool on_record = std::ranges::any_of(
+      identities->identities(),
+      [&](const v1::Identity& identity) { return identity.uri() == request.uri(); });
   return context.Show(server.Call(&v1::IdentityService::Stub::Revoke, request), [&](const auto&) {
     return absl::StrCat("agent ", name,
-                        " is forgotten: its certificates are refused from now on, and its name "
-                        "and cameras are free\n");
+                        on_record ? " is forgotten: its certificates are refused from now on, and "
+                                    "its name and cameras are free\n"
+                                  : " is not on record here; certificates of that name are refused "
+                                    "from now on, should there be any\n");
   });
 }
 

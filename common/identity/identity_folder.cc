@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/file/durable_file.h"
+#include "common/file/private_folder.h"
 #include "common/identity/join_string.h"
 #include "common/identity/private_key.h"
 #include "common/status/status_macros.h"

@@ -10,7 +10,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
+#include "common/text/printable.h"
 #include "server/care/running_server.h"
+#include "server/identity/restored_identity.h"
+#include "server/identity/server_identity.h"
 #include "server/rpc/compact_client.h"
 #include "server/store/sqlite/database_backup.h"
 #include "server/store/sqlite/database_check.h"
@@ -73,6 +76,30 @@ absl::Status CompactHereOrThere(const std::string& data_directory, const std::st
   if (!absl::IsFailedPrecondition(store.status()) || !address.ok()) return store.status();
   return CompactRunningServer(*address,
                               [&](const CompactProgress& made) { progress(made.fraction); });
+}
+
+// Who may talk with a restored server.
+void PrintIdentity(const RestoredIdentity& identity) {
+  if (!identity.compared) {
+    std::printf(
+        "there was no list of identities of this server here before, so that of the backup counts: "
+        "who was revoked and which join strings were used after it was made is not known. See "
+        "`rigcal agent list` and `rigcal token list`, and revoke whom you do not want\n");
+    return;
+  }
+  std::printf(
+      "who was revoked, which join strings were used and which browsers signed out since the "
+      "backup "
+      "stays so");
+  if (identity.closed_tokens + identity.ended_web_sessions > 0) {
+    std::printf(" (%s join strings, %s browsers)", absl::StrCat(identity.closed_tokens).c_str(),
+                absl::StrCat(identity.ended_web_sessions).c_str());
+  }
+  std::printf("\n");
+  for (const std::string& uri : identity.joined_since) {
+    std::printf("%s joined after the backup and is not known any more: it must join again\n",
+                PrintableLines(uri).c_str());
+  }
 }
 
 std::string Megabytes(uint64_t bytes) {
@@ -149,7 +176,15 @@ int CareCommands::BackUp(const std::string& data_directory) const {
 }
 
 int CareCommands::Restore(const std::string& data_directory) const {
-  const auto report = RestoreDatabase(file_, data_directory, take_damaged_, ProgressOf("restore"));
+  RestoredIdentity identity;
+  const auto reconcile = [&](const fs::path& before, const fs::path& restored) -> absl::Status {
+    RIGCAL_ASSIGN_OR_RETURN(
+        identity, TakeOverRevocations(IdentityDirectory(before), IdentityDirectory(restored)));
+    return absl::OkStatus();
+  };
+  const auto report = RestoreDatabase(file_, data_directory,
+                                      {.take_damaged = take_damaged_, .reconcile = reconcile},
+                                      ProgressOf("restore"));
   if (!report.ok()) return Fail(report.status());
   std::printf("%s: restored %s\n", data_directory.c_str(), CountsText(report->backup).c_str());
   if (!report->kept.empty()) {
@@ -168,6 +203,8 @@ int CareCommands::Compact(const std::string& data_directory) const {
   const uint64_t before = fs::file_size(file, error);
   const CareProgress progress = ProgressOf("compact");
   const absl::Status status = CompactHereOrThere(data_directory, server_, progress);
+  std::error_code error;
+  if (fs::exists(IdentityDirectory(data_directory) / "ca.key", error)) PrintIdentity(identity);
   if (!status.ok()) return Fail(status);
   std::printf("%s: %s before, %s now\n", file.c_str(), Megabytes(before).c_str(),
               Megabytes(fs::file_size(file, error)).c_str());

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/file/durable_file.h"
+#include "common/file/private_folder.h"
 #include "common/identity/openssl_handles.h"
 #include "common/identity/private_key.h"
 #include "common/status/status_macros.h"

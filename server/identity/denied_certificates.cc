@@ -3,7 +3,9 @@
 
 #include <spdlog/spdlog.h>
 
-#include <cerrno>
+#include <algorithm>
+#include <iterator>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
@@ -14,6 +16,8 @@
 namespace rigcal::server {
 namespace {
 
+using Serials = std::set<std::string, std::less<>>;
+
 // As Certificate::serial.
 std::string NormalSerial(std::string serial) {
   absl::AsciiStrToLower(&serial);
@@ -22,79 +26,129 @@ std::string NormalSerial(std::string serial) {
   return first == std::string::npos ? "0" : serial.substr(first);
 }
 
-bool IsSameFile(const struct stat& a, const struct stat& b) {
-  return a.st_ino == b.st_ino && a.st_size == b.st_size && a.st_mtim.tv_sec == b.st_mtim.tv_sec &&
-         a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
+bool ReadSerials(const IdentityJson& list, Serials* serials) {
+  if (!list.is_array()) return false;
+  for (const IdentityJson& serial : list) {
+    if (!serial.is_string()) return false;
+    serials->insert(NormalSerial(serial.get<std::string>()));
+  }
+  return true;
 }
 
 }  // namespace
 
-absl::StatusOr<DeniedCertificates::Entries> DeniedCertificates::Read() const {
-  const absl::StatusOr<std::string> text = ReadSmallFile(file_);
-  if (absl::IsNotFound(text.status())) return Entries();
-  if (!text.ok()) return text.status();
+DeniedCertificates::DeniedCertificates(std::filesystem::path file)
+    : file_(file, [file](const std::string& text) { return Parse(file, text); }) {}
+
+absl::StatusOr<DeniedCertificates::Entries> DeniedCertificates::Parse(
+    const std::filesystem::path& file, const std::string& text) {
   const absl::Status damaged = absl::DataLossError(
-      absl::StrCat(file_.string(), " is damaged, so nobody is let in; restore it from a backup"));
-  const auto json = ParseJson<IdentityJson>(*text);
+      absl::StrCat(file.string(), " is damaged, so nobody is let in; restore it from a backup"));
+  const auto json = ParseJson<IdentityJson>(text);
   if (!json.is_object() || !json.contains("denied") || !json["denied"].is_array()) return damaged;
   Entries entries;
   for (const IdentityJson& item : json["denied"]) {
     JsonFields fields(item);
     Entry& entry = entries[fields.Text("uri")];
     if (fields.Has("time")) entry.time = fields.Text("time");
-    if (!fields.good() || !item.contains("serials") || !item["serials"].is_array()) return damaged;
-    if (item["serials"].empty()) entry.all = true;
-    for (const IdentityJson& serial : item["serials"]) {
-      if (!serial.is_string()) return damaged;
-      entry.serials.insert(NormalSerial(serial.get<std::string>()));
+    if (!fields.good() || !item.contains("serials")) return damaged;
+    if (!ReadSerials(item["serials"], &entry.serials)) return damaged;
+    if (item.contains("all_but")) {
+      if (!ReadSerials(item["all_but"], &entry.all_but)) return damaged;
+      entry.all = true;
+    } else if (item["serials"].empty()) {
+      entry.for_good = true;
     }
   }
   for (auto& [uri, entry] : entries) {
-    if (entry.all) entry.serials.clear();
+    if (!entry.for_good) continue;
+    entry.all = false;
+    entry.serials.clear();
+    entry.all_but.clear();
   }
   return entries;
 }
 
-absl::Status DeniedCertificates::ReadAgainIfChanged() {
-  struct stat now {};
-  const bool exists = stat(file_.c_str(), &now) == 0;
-  if (!exists && errno == ENOENT) {
-    seen_ = {};
-    entries_.clear();
-    return state_ = absl::OkStatus();
+absl::Status DeniedCertificates::Refresh() {
+  const absl::Status status = file_.Refresh();
+  if (!status.ok() && status != logged_) {
+    spdlog::error("every certificate is refused: {}", std::string(status.message()));
   }
-  if (exists && IsSameFile(now, seen_)) return state_;
-  absl::StatusOr<Entries> read = Read();
-  seen_ = {};  // what cannot be read, for another reason than damage, is tried again
-  if (read.ok() || absl::IsDataLoss(read.status())) seen_ = now;
-  if (!read.ok() && read.status() != state_) {
-    spdlog::error("every certificate is refused: {}", std::string(read.status().message()));
-  }
-  state_ = read.status();
-  entries_ = read.ok() ? *std::move(read) : Entries();
-  return state_;
+  return logged_ = status;
 }
 
 absl::StatusOr<bool> DeniedCertificates::Denies(std::string_view uri, std::string_view serial) {
   std::lock_guard lock(mutex_);
-  RIGCAL_RETURN_IF_ERROR(ReadAgainIfChanged());
-  const auto entry = entries_.find(uri);
-  return entry != entries_.end() && (entry->second.all || entry->second.serials.contains(serial));
+  RIGCAL_RETURN_IF_ERROR(Refresh());
+  const auto found = file_.content().find(uri);
+  if (found == file_.content().end()) return false;
+  const Entry& entry = found->second;
+  return entry.for_good || entry.serials.contains(serial) ||
+         (entry.all && !entry.all_but.contains(serial));
 }
 
 absl::Status DeniedCertificates::Deny(const std::string& uri, const std::set<std::string>& serials,
                                       absl::Time now) {
   std::lock_guard lock(mutex_);
-  RIGCAL_RETURN_IF_ERROR(ReadAgainIfChanged());
-  Entries entries = entries_;
-  if (serials.empty() || entries[uri].all) return absl::OkStatus();
-  entries[uri].serials.insert(serials.begin(), serials.end());
-  entries[uri].time = JsonTime(now);
-  IdentityJson list = IdentityJson::array();
-  for (const auto& [name, entry] : entries) {
-    list.push_back({{"uri", name}, {"serials", entry.serials}, {"time", entry.time}});
+  RIGCAL_RETURN_IF_ERROR(Refresh());
+  Entries entries = file_.content();
+  Entry& entry = entries[uri];
+  if (entry.for_good) return absl::OkStatus();
+  entry.serials.insert(serials.begin(), serials.end());
+  entry.serials.insert(entry.all_but.begin(), entry.all_but.end());
+  entry.all_but.clear();
+  entry.all = true;
+  entry.time = JsonTime(now);
+  return Save(entries);
+}
+
+absl::Status DeniedCertificates::Accept(const std::string& uri, const std::string& serial) {
+  std::lock_guard lock(mutex_);
+  RIGCAL_RETURN_IF_ERROR(Refresh());
+  Entries entries = file_.content();
+  const auto entry = entries.find(uri);
+  if (entry == entries.end() || !entry->second.all) return absl::OkStatus();
+  if (!entry->second.all_but.insert(serial).second) return absl::OkStatus();
+  return Save(entries);
+}
+
+absl::Status DeniedCertificates::TakeAllOf(DeniedCertificates& other) {
+  Entries more;
+  {
+    std::lock_guard lock(other.mutex_);
+    RIGCAL_RETURN_IF_ERROR(other.Refresh());
+    more = other.file_.content();
   }
-  return WriteDurableFile(file_, IdentityJson{{"denied", list}}.dump(1) + "\n");
+  std::lock_guard lock(mutex_);
+  RIGCAL_RETURN_IF_ERROR(Refresh());
+  Entries entries = file_.content();
+  for (auto& [uri, from] : more) {
+    Entry& into = entries[uri];
+    if (from.all && into.all) {
+      Serials both;
+      std::ranges::set_intersection(into.all_but, from.all_but, std::inserter(both, both.end()));
+      into.all_but = std::move(both);
+    } else if (from.all) {
+      into.all_but = from.all_but;
+    }
+    into.all |= from.all;
+    into.for_good |= from.for_good;
+    into.serials.insert(from.serials.begin(), from.serials.end());
+    into.time = std::max(into.time, from.time);
+  }
+  return more.empty() ? absl::OkStatus() : Save(entries);
+}
+
+absl::Status DeniedCertificates::Save(const Entries& entries) {
+  IdentityJson list = IdentityJson::array();
+  for (const auto& [uri, entry] : entries) {
+    IdentityJson item = {{"uri", uri}, {"serials", IdentityJson::array()}};
+    if (!entry.for_good) item["serials"] = entry.serials;
+    if (entry.all && !entry.for_good) item["all_but"] = entry.all_but;
+    item["time"] = entry.time;
+    list.push_back(std::move(item));
+  }
+  return WriteDurableFile(file_.path(), IdentityJson{{"denied", list}}.dump(1) + "\n");
 }
 
 }  // namespace rigcal::server

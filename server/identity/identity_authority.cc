@@ -22,6 +22,16 @@ std::string Quoted(std::string_view text) {
   return absl::StrCat("'", absl::CHexEscape(std::string(text.substr(0, 80))), "'");
 }
 
+bool IsPeerUri(std::string_view uri) {
+  for (const Role role : {Role::kAgent, Role::kViewer}) {
+    const std::string beginning = PeerUri(role, "");
+    if (uri.starts_with(beginning)) {
+      return ValidateName("", std::string(uri.substr(beginning.size()))).ok();
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<IdentityAuthority>> IdentityAuthority::Open(
@@ -35,7 +45,7 @@ absl::StatusOr<std::unique_ptr<IdentityAuthority>> IdentityAuthority::Open(
   std::unique_ptr<IdentityAuthority> authority(
       new IdentityAuthority(folder, std::move(now), std::move(ca), std::move(tokens),
                             std::move(registry), std::move(web_sessions)));
-  RIGCAL_RETURN_IF_ERROR(authority->denied_.Denies("", "").status());
+  RIGCAL_RETURN_IF_ERROR(authority->accepted_.Find("", "").status());
   return authority;
 }
 
@@ -44,7 +54,7 @@ IdentityAuthority::IdentityAuthority(std::filesystem::path folder, std::function
                                      IdentityRegistry registry, WebSessions web_sessions)
     : now_(std::move(now)),
       ca_(std::move(ca)),
-      denied_(folder / "denied.json"),
+      accepted_(folder),
       tokens_(std::move(tokens)),
       registry_(std::move(registry)),
       web_sessions_(std::move(web_sessions)) {}
@@ -105,9 +115,11 @@ absl::Status IdentityAuthority::RevokeToken(std::string_view id) {
       web_sessions_.RemoveIf([&](const WebSession& session) { return session.token_id == id; }));
   if (!revoked.ok()) return browsers > 0 ? absl::OkStatus() : revoked.status();
   const Token& token = *revoked;
-  if (!token.used || registry_.Find(token.used_by) == nullptr) return absl::OkStatus();
+  // Browsers have no key.
+  if (!token.used || token.key_sha256.empty()) return absl::OkStatus();
   // Somebody else may have joined under that name since, with another token.
-  if (registry_.Find(token.used_by)->joined != *token.used) return absl::OkStatus();
+  const IdentityRecord* const record = registry_.Find(token.used_by);
+  if (record != nullptr && record->joined != *token.used) return absl::OkStatus();
   return RevokeLocked(token.used_by);
 }
 
@@ -117,6 +129,10 @@ std::vector<IdentityRecord> IdentityAuthority::ListIdentities() const {
 }
 
 absl::Status IdentityAuthority::Revoke(std::string_view uri) {
+  if (!IsPeerUri(uri)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        Quoted(uri), " is nobody's URI; they are rigcal://agents/NAME and rigcal://users/NAME"));
+  }
   const std::lock_guard lock(mutex_);
   return RevokeLocked(uri);
 }
@@ -126,21 +142,22 @@ absl::Status IdentityAuthority::RevokeLocked(std::string_view uri) {
                           web_sessions_.RemoveIf([&](const WebSession& session) {
                             return PeerUri(session.role, session.name) == uri;
                           }));
-  if (registry_.Find(uri) == nullptr && browsers > 0) return absl::OkStatus();
-  if (registry_.Find(uri) == nullptr) {
-    return absl::NotFoundError(absl::StrCat("nobody has joined as ", Quoted(uri)));
-  }
   RIGCAL_RETURN_IF_ERROR(DenyBeforeLocked(std::string(uri)));
+  if (registry_.Find(uri) == nullptr) {
+    spdlog::info("{} is revoked: it is not on record, and {} browsers had signed in", uri,
+                 browsers);
+    return absl::OkStatus();
+  }
   spdlog::info("{} is revoked", uri);
   return registry_.MarkRevoked(uri, now_());
 }
 
 absl::Status IdentityAuthority::DenyBeforeLocked(const std::string& uri) {
-  const IdentityRecord* const record = registry_.Find(uri);
-  if (record == nullptr) return absl::OkStatus();
   std::set<std::string> serials;
-  for (const auto& [serial, expires] : record->serials) serials.insert(serial);
-  return denied_.Deny(uri, serials, now_());
+  if (const IdentityRecord* const record = registry_.Find(uri)) {
+    for (const auto& [serial, expires] : record->serials) serials.insert(serial);
+  }
+  return accepted_.denied().Deny(uri, serials, now_());
 }
 
 absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Enrol(std::string_view secret,
@@ -174,7 +191,7 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Enrol(std::string_v
   }
   if (!again) {
     RIGCAL_RETURN_IF_ERROR(tokens_.MarkUsed(token.id, uri, key_sha256, now));
-    RIGCAL_RETURN_IF_ERROR(DenyBeforeLocked(uri));
+    if (before != nullptr) RIGCAL_RETURN_IF_ERROR(DenyBeforeLocked(uri));
   }
   spdlog::info("{} joins as {} with token {}", uri, std::string(RoleName(token.role)), token.id);
   return IssueLocked({token.role, request.name, request.public_key}, /*joins=*/!again, now);
@@ -210,8 +227,9 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Renew(std::string_v
   }
   const std::lock_guard lock(mutex_);
   const absl::Time now = now_();
-  RIGCAL_ASSIGN_OR_RETURN(const bool denied, denied_.Denies(certificate.uri, certificate.serial));
-  if (denied) {
+  RIGCAL_ASSIGN_OR_RETURN(const AcceptedCertificates::Standing standing,
+                          accepted_.Find(certificate.uri, certificate.serial));
+  if (standing == AcceptedCertificates::Standing::kRevoked) {
     return absl::PermissionDeniedError(
         absl::StrCat("the certificate of ", certificate.uri,
                      " was revoked; join again with a new "
@@ -228,6 +246,10 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Renew(std::string_v
                      absl::FormatTime("%Y-%m-%d", certificate.not_after, absl::UTCTimeZone()),
                      ", too long ago to be renewed; join again with a new join string"));
   }
+  if (standing != AcceptedCertificates::Standing::kAccepted) {
+    return absl::PermissionDeniedError(
+        absl::StrCat("the certificate of ", certificate.uri, " ", WhyNotAccepted(standing)));
+  }
   // By this server's clock alone: those of PCs may be wrong.
   const absl::Time issued = certificate.not_before + kPeerBackdate;
   const bool is_due = now < issued - kPeerBackdate || now >= issued + kPeerLifetime * 2 / 3;
@@ -242,6 +264,7 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::IssueLocked(
   RIGCAL_ASSIGN_OR_RETURN(const Certificate certificate, ParseCertificate(pem));
   // On record before it is given out: else it could not be revoked.
   RIGCAL_RETURN_IF_ERROR(registry_.Record(certificate, joins, now));
+  RIGCAL_RETURN_IF_ERROR(accepted_.denied().Accept(certificate.uri, certificate.serial));
   return AnswerLocked(std::move(pem));
 }
 

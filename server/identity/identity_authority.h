@@ -14,8 +14,8 @@
 #include "absl/status/statusor.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "server/identity/accepted_certificates.h"
 #include "server/identity/certificate_authority.h"
-#include "server/identity/denied_certificates.h"
 #include "server/identity/identity_registry.h"
 #include "server/identity/token_store.h"
 #include "server/identity/web_sessions.h"
@@ -63,8 +63,9 @@ class IdentityAuthority {
   absl::Status RevokeToken(std::string_view id);
 
   std::vector<IdentityRecord> ListIdentities() const;
-  // From now on no certificate of this URI is accepted, unless it joins again. NOT_FOUND: nobody of
-  // that URI has joined.
+  // From now on no certificate of this URI is accepted, unless it joins again. Also for a URI that
+  // is not on record: there may be certificates of it, given out after the backup that was restored
+  // here, and later a backup that knows them. INVALID_ARGUMENT: it is no URI of an agent or user.
   absl::Status Revoke(std::string_view uri);
 
   // What who has joined gets.
@@ -84,7 +85,7 @@ class IdentityAuthority {
   // For the holder of a certificate: the request is for the same name, role and key. One that is
   // not due yet gets the certificate that it has.
   //   UNAUTHENTICATED    the certificate is not of this CA, or too long expired
-  //   PERMISSION_DENIED  it was revoked
+  //   PERMISSION_DENIED  it was revoked, or is not on record
   //   INVALID_ARGUMENT   the request is damaged, or is not for this certificate
   absl::StatusOr<Issued> Renew(std::string_view certificate_pem, std::string_view request_pem);
 
@@ -115,7 +116,7 @@ class IdentityAuthority {
 
   const std::function<absl::Time()> now_;
   const CertificateAuthority ca_;
-  DeniedCertificates denied_;
+  AcceptedCertificates accepted_;
   mutable std::mutex mutex_;
   ServerAddresses addresses_;
   NameHolder holder_of_ = [](const std::string&) { return std::string(); };

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/identity/identity_registry.h"
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 #include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 #include "server/identity/certificate_authority.h"
 #include "server/identity/json_fields.h"
+#include "server/identity/watched_file.h"
 
 namespace rigcal::server {
 namespace {
@@ -45,23 +48,30 @@ std::optional<IdentityRecord> RecordFromJson(const IdentityJson& json) {
 
 absl::StatusOr<IdentityRegistry> IdentityRegistry::Open(std::filesystem::path file) {
   IdentityRegistry registry(std::move(file));
-  const absl::StatusOr<std::string> text = ReadSmallFile(registry.file_);
+  const absl::StatusOr<std::string> text = ReadWholeFile(registry.file_, kMaxCertificateListBytes);
   if (absl::IsNotFound(text.status())) return registry;
   if (!text.ok()) return text.status();
-  const auto json = ParseJson<IdentityJson>(*text);
+  RIGCAL_ASSIGN_OR_RETURN(registry.records_, Parse(*text, registry.file_));
+  return registry;
+}
+
+absl::StatusOr<IdentityRegistry::Records> IdentityRegistry::Parse(
+    const std::string& text, const std::filesystem::path& file) {
+  Records records;
+  const auto json = ParseJson<IdentityJson>(text);
   bool good = json.is_object() && json.contains("identities") && json["identities"].is_array();
   if (good) {
     for (const IdentityJson& entry : json["identities"]) {
       std::optional<IdentityRecord> record = RecordFromJson(entry);
       good = good && record.has_value();
-      if (record) registry.records_[record->uri] = *std::move(record);
+      if (record) records[record->uri] = *std::move(record);
     }
   }
-  if (good) return registry;
+  if (good) return records;
   return absl::DataLossError(
-      absl::StrCat(registry.file_.string(),
-                   " is damaged; restore it from a backup. Without it rigcal cannot "
-                   "revoke the certificates that it has given out"));
+      absl::StrCat(file.string(),
+                   " is damaged, so nobody is let in; restore it from a backup. Without it rigcal "
+                   "does not know the certificates that it has given out"));
 }
 
 std::vector<IdentityRecord> IdentityRegistry::List() const {
@@ -71,7 +81,7 @@ std::vector<IdentityRecord> IdentityRegistry::List() const {
 }
 
 const IdentityRecord* IdentityRegistry::Find(std::string_view uri) const {
-  const auto record = records_.find(std::string(uri));
+  const auto record = records_.find(uri);
   return record == records_.end() ? nullptr : &record->second;
 }
 
@@ -94,10 +104,35 @@ absl::Status IdentityRegistry::Record(const Certificate& certificate, bool joins
 
 absl::Status IdentityRegistry::MarkRevoked(std::string_view uri, absl::Time now) {
   Records records = records_;
-  const auto record = records.find(std::string(uri));
+  const auto record = records.find(uri);
   if (record == records.end()) return absl::NotFoundError("nobody of that name has joined");
   record->second.revoked = now;
   return Save(std::move(records));
+}
+
+absl::StatusOr<IdentityRegistry::Since> IdentityRegistry::TakeChangesOf(
+    const IdentityRegistry& replaced, absl::Time now) {
+  Since since;
+  Records records = records_;
+  for (const auto& [uri, newer] : replaced.records_) {
+    const auto found = records.find(uri);
+    IdentityRecord* const record = found == records.end() ? nullptr : &found->second;
+    const bool is_same = record != nullptr && record->joined == newer.joined;
+    if (is_same) {
+      record->serials.insert(newer.serials.begin(), newer.serials.end());
+      record->expires = std::max(record->expires, newer.expires);
+      if (!record->revoked) record->revoked = newer.revoked;
+      continue;
+    }
+    // The backup may be the newer one: another was restored before.
+    if (record != nullptr && record->joined > newer.joined) continue;
+    if (!newer.revoked) since.joined.push_back(uri);
+    if (record == nullptr) continue;
+    since.replaced.push_back(*record);
+    if (!record->revoked) record->revoked = now;
+  }
+  RIGCAL_RETURN_IF_ERROR(Save(std::move(records)));
+  return since;
 }
 
 absl::Status IdentityRegistry::Save(Records records) {

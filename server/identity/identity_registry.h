@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -25,13 +26,18 @@ struct IdentityRecord {
   absl::Time expires = {};  // of the newest certificate
   std::optional<absl::Time> revoked = {};
   // Of every certificate that may still be in use, with its end.
-  std::map<std::string, absl::Time> serials = {};
+  std::map<std::string, absl::Time, std::less<>> serials = {};
 };
 
-// Who has joined, in identities.json; each change is on disk when a function returns. Records are
-// forgotten when their last certificate cannot be renewed any more. Not for several threads.
+// Who has joined, in identities.json; each change is on disk when a function returns. Only
+// certificates in it are accepted (AcceptedCertificates). Records are forgotten when their last
+// certificate cannot be renewed any more. Not for several threads.
 class IdentityRegistry {
  public:
+  using Records = std::map<std::string, IdentityRecord, std::less<>>;  // by URI
+
+  // What the file says. DATA_LOSS: it is damaged; the message says what to do.
+  static absl::StatusOr<Records> Parse(const std::string& text, const std::filesystem::path& file);
   // DATA_LOSS: the file is damaged; the message says what to do.
   static absl::StatusOr<IdentityRegistry> Open(std::filesystem::path file);
 
@@ -43,9 +49,16 @@ class IdentityRegistry {
   absl::Status Record(const Certificate& certificate, bool joins, absl::Time now);
   absl::Status MarkRevoked(std::string_view uri, absl::Time now);
 
- private:
-  using Records = std::map<std::string, IdentityRecord>;
+  // What has happened since a backup, out of which this registry is.
+  struct Since {
+    std::vector<std::string> joined;       // URIs that are not, or not any more, on record here
+    std::vector<IdentityRecord> replaced;  // as they are here: others have joined as these since
+  };
+  // Takes over from the registry that it replaces: certificates that were renewed are on record,
+  // and who was revoked, or was replaced by another of his name, is revoked.
+  absl::StatusOr<Since> TakeChangesOf(const IdentityRegistry& replaced, absl::Time now);
 
+ private:
   explicit IdentityRegistry(std::filesystem::path file) : file_(std::move(file)) {}
 
   absl::Status Save(Records records);

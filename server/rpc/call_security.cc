@@ -34,10 +34,10 @@ std::string MetadataOf(const grpc::ServerContextBase& context, const char* key) 
 
 }  // namespace
 
-CallSecurity::CallSecurity(const CheckedIdentity* identity, DeniedCertificates* denied,
+CallSecurity::CallSecurity(const CheckedIdentity* identity, AcceptedCertificates* accepted,
                            Connections* connections, PeerConduct* conduct, AuditLog* audit)
     : identity_(identity),
-      denied_(denied),
+      accepted_(accepted),
       connections_(connections),
       conduct_(conduct),
       audit_(*audit),
@@ -68,17 +68,29 @@ absl::StatusOr<Peer> CallSecurity::Identify(std::string_view certificate_pem) {
     std::lock_guard lock(mutex_);
     if (known_by_ == ca) known_[std::string(certificate_pem)] = peer;
   }
-  if (IsDenied(peer)) {
-    return absl::PermissionDeniedError(
-        absl::StrCat(Describe(peer), " was revoked; to let it in again, make a join string on the ",
-                     "server's PC, and join with it"));
+  if (accepted_ == nullptr) return peer;
+  const auto standing = accepted_->Find(peer.uri, peer.serial);
+  if (!standing.ok()) {
+    return absl::PermissionDeniedError(absl::StrCat(
+        Describe(peer), " cannot be checked: ", std::string(standing.status().message())));
   }
-  return peer;
+  if (*standing == AcceptedCertificates::Standing::kAccepted) return peer;
+  return absl::PermissionDeniedError(absl::StrCat(Describe(peer), " ", WhyNotAccepted(*standing)));
 }
 
-bool CallSecurity::IsDenied(const Peer& peer) {
-  if (denied_ == nullptr || !peer.has_certificate) return false;
-  return denied_->Denies(peer.uri, peer.serial).value_or(true);
+std::string CallSecurity::WhyToCut(const Peer& peer) {
+  if (accepted_ == nullptr || identity_ == nullptr || !peer.has_certificate) return "";
+  const auto standing = accepted_->Find(peer.uri, peer.serial);
+  if (!standing.ok()) return "its certificate cannot be checked";
+  if (*standing == AcceptedCertificates::Standing::kRevoked) return "its certificate was revoked";
+  if (*standing == AcceptedCertificates::Standing::kNotOnRecord) {
+    return "its certificate is not on record";
+  }
+  if (absl::ToUnixSeconds(identity_->Now()) <= peer.not_after_utc_s) return "";
+  return absl::StrCat(
+      "its certificate has ended, at ",
+      absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", absl::FromUnixSeconds(peer.not_after_utc_s),
+                       absl::UTCTimeZone()));
 }
 
 absl::StatusOr<Peer> CallSecurity::IdentifyFrom(const grpc::AuthContext& context) {

@@ -17,7 +17,7 @@
 #include "server/access/peer.h"
 #include "server/access/peer_conduct.h"
 #include "server/audit/audit_log.h"
-#include "server/identity/denied_certificates.h"
+#include "server/identity/accepted_certificates.h"
 #include "server/listen/connections.h"
 
 namespace rigcal::server {
@@ -35,12 +35,12 @@ struct Caller {
 // an identity there are no certificates, and all callers are on this machine. Thread-safe.
 class CallSecurity {
  public:
-  // All must outlive this object; `identity`, `denied` and `conduct` may be null together.
-  CallSecurity(const CheckedIdentity* identity, DeniedCertificates* denied,
+  // All must outlive this object; `identity`, `accepted` and `conduct` may be null together.
+  CallSecurity(const CheckedIdentity* identity, AcceptedCertificates* accepted,
                Connections* connections, PeerConduct* conduct, AuditLog* audit);
 
   // UNAUTHENTICATED: the CA has not signed the certificate, it is not valid now, or of another
-  // form. PERMISSION_DENIED: it was revoked.
+  // form. PERMISSION_DENIED: it was revoked, or is not on record.
   absl::StatusOr<Peer> Identify(std::string_view certificate_pem);
   // As Identify, at the end of a TLS handshake. RESOURCE_EXHAUSTED: the peer is kept out for a
   // while, because it has flooded the server.
@@ -63,8 +63,9 @@ class CallSecurity {
   // tells him. Only this object can do so: a key that it made goes with it.
   void AddCaller(const Caller& caller, grpc::ClientContext* context) const;
 
-  // Also true of every peer with a certificate while it is not known whom the list denies.
-  bool IsDenied(const Peer& peer);
+  // Why an open connection of this peer must end: "its certificate was revoked". Empty: it need
+  // not. Every peer with a certificate must go while it is not known whom the lists name.
+  std::string WhyToCut(const Peer& peer);
   bool has_certificates() const { return identity_ != nullptr; }
   AuditLog& audit() { return audit_; }
 
@@ -76,7 +77,7 @@ class CallSecurity {
   bool ReadCaller(const grpc::ServerContextBase& context, Caller* caller) const;
 
   const CheckedIdentity* const identity_;
-  DeniedCertificates* const denied_;
+  AcceptedCertificates* const accepted_;
   Connections* const connections_;
   PeerConduct* const conduct_;
   AuditLog& audit_;

@@ -98,9 +98,9 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
       parts_(parts),
       audit_(parts.audit == nullptr ? no_audit_ : *parts.audit),
       identity_(LoadIdentity(options_)),
-      denied_(options_.identity_folder / "denied.json"),
+      accepted_(options_.identity_folder),
       listener_(ListeningOptions(options_), &audit_, &conduct_),
-      security_(identity_.ok() ? identity_->get() : nullptr, &denied_, &listener_.connections(),
+      security_(identity_.ok() ? identity_->get() : nullptr, &accepted_, &listener_.connections(),
                 &conduct_, &audit_),
       previews_(options_.previews, parts.directory),
       detectors_(options_.detectors, parts.directory),
@@ -177,11 +177,16 @@ void RpcServer::Accept() {
 void RpcServer::FollowIdentity() {
   if (!security_.has_certificates()) return;
   (*identity_)->Refresh();
-  const std::vector<Peer> cut =
-      listener_.connections().CutIf([this](const Peer& peer) { return security_.IsDenied(peer); });
-  for (const Peer& peer : cut) {
-    spdlog::warn("the connection of {} is cut: its certificate was revoked", Describe(peer));
-    audit_.Write("connection_cut", Describe(peer), {{"reason", "its certificate was revoked"}});
+  std::vector<std::string> reasons;
+  const std::vector<Peer> cut = listener_.connections().CutIf([&](const Peer& peer) {
+    std::string reason = security_.WhyToCut(peer);
+    if (reason.empty()) return false;
+    reasons.push_back(std::move(reason));
+    return true;
+  });
+  for (size_t i = 0; i < cut.size(); ++i) {
+    spdlog::warn("the connection of {} is cut: {}", Describe(cut[i]), reasons[i]);
+    audit_.Write("connection_cut", Describe(cut[i]), {{"reason", reasons[i]}});
   }
 }
 

@@ -17,7 +17,7 @@
 #include "server/access/checked_identity.h"
 #include "server/api/api_gateway.h"
 #include "server/audit/audit_log.h"
-#include "server/identity/denied_certificates.h"
+#include "server/identity/accepted_certificates.h"
 #include "server/listen/listener.h"
 #include "server/rpc/call_security.h"
 #include "server/rpc/ingest_service.h"
@@ -32,7 +32,7 @@ struct RpcServerOptions {
   std::string listen_address = "127.0.0.1:7420";
   // Besides the port, for the server's own user on this machine. Empty: none.
   std::filesystem::path socket_file = {};
-  // The folder with ca.crt, server.crt, server.key and denied.json. Empty: no TLS.
+  // The folder with ca.crt, server.crt, server.key, identities.json and denied.json. Empty: no TLS.
   std::filesystem::path identity_folder = {};
   // `address`, `socket_file` and `tls` in it are set from the members here.
   ListenerOptions listener = {};
@@ -79,7 +79,7 @@ class RpcServer {
  private:
   // Again and again, until the shutdown.
   void ReportHealth();
-  // Takes changed certificates, and ends the connections of revoked ones.
+  // Takes changed certificates, and ends the connections of revoked and expired ones.
   void FollowIdentity();
   void Accept();
 
@@ -89,7 +89,7 @@ class RpcServer {
   AuditLog& audit_;
   // Null: no TLS.
   const absl::StatusOr<std::unique_ptr<CheckedIdentity>> identity_;
-  DeniedCertificates denied_;
+  AcceptedCertificates accepted_;
   PeerConduct conduct_;
   Listener listener_;
   CallSecurity security_;

@@ -155,9 +155,12 @@ void TestCa::WriteServerFolder(const std::filesystem::path& folder,
                                const TestCertificate& certificate) const {
   std::filesystem::create_directories(folder);
   ReplaceTestFile(folder / "ca.crt", certificate_pem_);
-  ReplaceTestFile(folder / "ca.key", PemOf(keys_->key));
   ReplaceTestFile(folder / "server.crt", certificate.certificate_pem);
   ReplaceTestFile(folder / "server.key", certificate.key_pem);
+}
+
+void TestCa::WriteCaKey(const std::filesystem::path& folder) const {
+  ReplaceTestFile(folder / "ca.key", PemOf(keys_->key));
 }
 
 void ReplaceTestFile(const std::filesystem::path& path, const std::string& text) {

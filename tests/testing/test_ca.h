@@ -41,9 +41,12 @@ class TestCa {
   TestCertificate MakeUser(const std::string& name, const std::string& role) const;
   // For 127.0.0.1, ::1 and localhost.
   TestCertificate MakeServer() const;
-  // ca.crt, ca.key, server.crt and server.key.
+  // ca.crt, server.crt and server.key, as for a server whose CA is elsewhere: it has no record of
+  // the certificates.
   void WriteServerFolder(const std::filesystem::path& folder,
                          const TestCertificate& certificate) const;
+  // ca.key, as of a server with a CA of its own, which takes only certificates on its record.
+  void WriteCaKey(const std::filesystem::path& folder) const;
 
  private:
   struct Keys;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 
 #include "absl/status/status.h"
@@ -29,15 +30,25 @@ struct RestoreReport {
   std::filesystem::path kept;  // the data directory as it was before; empty: there was none
 };
 
+struct RestoreOptions {
+  bool take_damaged = false;
+  // Called with the directory before and the one that will take its place, when that has all its
+  // files; what it returns ends the restore. Empty: nothing is called.
+  std::function<absl::Status(const std::filesystem::path& before,
+                             const std::filesystem::path& restored)>
+      reconcile = {};
+};
+
 // Puts a backup in the place of a data directory, which is moved aside. What the backup does not
 // have (`identity`, of a backup by hand) is taken from the directory before.
 //   NOT_FOUND            there is no such backup
 //   FAILED_PRECONDITION  a server uses the directory; the file is no backup of this version; the
 //                        directory cannot be moved
-//   DATA_LOSS            the backup is damaged, and `take_damaged` is not set; the first fault is
+//   DATA_LOSS            the backup is damaged, and take_damaged is not set; the first fault is
 //                        named
 absl::StatusOr<RestoreReport> RestoreDatabase(const std::filesystem::path& file,
                                               const std::filesystem::path& data_directory,
-                                              bool take_damaged, const CareProgress& progress);
+                                              const RestoreOptions& options,
+                                              const CareProgress& progress);
 
 }  // namespace rigcal::server

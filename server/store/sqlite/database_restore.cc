@@ -127,13 +127,14 @@ absl::Status SwapFolders(const fs::path& folder, const fs::path& aside, const fs
 }  // namespace
 
 absl::StatusOr<RestoreReport> RestoreDatabase(const fs::path& file, const fs::path& data_directory,
-                                              bool take_damaged, const CareProgress& progress) {
+                                              const RestoreOptions& options,
+                                              const CareProgress& progress) {
   std::error_code error;
   const fs::path whole = fs::absolute(data_directory).lexically_normal();
   const fs::path folder = whole.has_filename() ? whole : whole.parent_path();
   RestoreReport report;
   RIGCAL_ASSIGN_OR_RETURN(report.backup, CheckDatabase(file, progress));
-  if (report.backup.fault_count > 0 && !take_damaged) {
+  if (report.backup.fault_count > 0 && !options.take_damaged) {
     return absl::DataLossError(
         absl::StrCat(file.string(), " has ", report.backup.fault_count,
                      " faults, the first: ", report.backup.faults.front(),
@@ -150,6 +151,7 @@ absl::StatusOr<RestoreReport> RestoreDatabase(const fs::path& file, const fs::pa
     fs::remove_all(filled, error);
     return status;
   }
+  if (status.ok() && options.reconcile) status = options.reconcile(folder, filled);
   if (had_files) {
     report.kept = aside;
   } else {

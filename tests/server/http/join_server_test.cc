@@ -23,6 +23,7 @@
 #include "server/http/identity_routes.h"
 #include "server/identity/server_identity.h"
 #include "tests/server/http/join_fixture.h"
+#include "tests/testing/issued_before.h"
 #include "tests/testing/process.h"
 #include "tests/testing/status_matchers.h"
 
@@ -39,9 +40,8 @@ class JoinServer : public JoinFixture {
   // Of an agent that joined so long ago, by its own clock and the server's.
   PeerIdentity JoinedBefore(absl::Duration ago) {
     PeerIdentity identity = *rigcal::JoinServer(MakeJoin(), "pc-1");
-    const auto ca = server::CertificateAuthority::Open(folder());
-    identity.certificate_pem =
-        *ca->IssuePeer({Role::kAgent, "pc-1", PublicKeyOf(identity.certificate_pem)}, Now() - ago);
+    identity.certificate_pem = IssuedBefore(
+        folder(), {Role::kAgent, "pc-1", PublicKeyOf(identity.certificate_pem)}, Now() - ago);
     return identity;
   }
 };
@@ -325,9 +325,9 @@ TEST_F(JoinServer, WorksWithAClockThatIsAYearOff) {
     ASSERT_OK_AND_ASSIGN(const auto early, RenewIdentity(joined));
     EXPECT_FALSE(early.has_value()) << "the server knows better";
     PeerIdentity old = joined;
-    const auto ca = server::CertificateAuthority::Open(folder());
-    old.certificate_pem = *ca->IssuePeer({Role::kAgent, name, PublicKeyOf(joined.certificate_pem)},
-                                         Now() - absl::Hours(24 * 25));
+    old.certificate_pem =
+        IssuedBefore(folder(), {Role::kAgent, name, PublicKeyOf(joined.certificate_pem)},
+                     Now() - absl::Hours(24 * 25));
     ASSERT_OK_AND_ASSIGN(const auto renewed, RenewIdentity(old));
     ASSERT_TRUE(renewed.has_value());
     EXPECT_GT(ParseCertificate(renewed->certificate_pem)->not_after, Now());

@@ -51,7 +51,7 @@ TEST_F(DeniedCertificates, AnEntryWithoutSerialsDeniesAllOfThatName) {
     for (int i = 0; i < 2; ++i) {
       EXPECT_TRUE(Denies(kPc1, "3fa2")) << text;
       EXPECT_TRUE(Denies(kPc1, "77")) << text;
-      EXPECT_FALSE(Denies(kKim, "6")) << text;
+      EXPECT_FALSE(Denies("rigcal://users/bob", "6")) << text;
       ASSERT_THAT(denied_.Deny(kKim, {"5"}, absl::UnixEpoch()), IsOk());
       ASSERT_THAT(denied_.Deny(kPc1, {"9"}, absl::UnixEpoch()), IsOk());
     }
@@ -66,14 +66,51 @@ TEST_F(DeniedCertificates, WhatIsAddedCountsAtOnceForAllWhoReadTheFile) {
   EXPECT_TRUE(*other.Denies(kPc1, "77"));
   EXPECT_TRUE(Denies(kPc1, "3fa2"));
   EXPECT_TRUE(Denies(kKim, "5"));
-  EXPECT_FALSE(Denies(kKim, "3fa2"));
+  EXPECT_TRUE(Denies(kKim, "6")) << "also what there is no record of";
+}
+
+TEST_F(DeniedCertificates, WhoJoinsAgainIsAcceptedAndNobodyOfBefore) {
+  ASSERT_THAT(denied_.Accept(kPc1, "1"), IsOk());
+  EXPECT_FALSE(std::filesystem::exists(file_)) << "nobody of that name was denied";
+  ASSERT_THAT(denied_.Deny(kPc1, {"1"}, absl::UnixEpoch()), IsOk());
+  ASSERT_THAT(denied_.Accept(kPc1, "2"), IsOk());
+  ASSERT_THAT(denied_.Accept(kPc1, "3"), IsOk());
+  EXPECT_TRUE(Denies(kPc1, "1"));
+  EXPECT_FALSE(Denies(kPc1, "2"));
+  EXPECT_FALSE(Denies(kPc1, "3")) << "renewed";
+  EXPECT_TRUE(Denies(kPc1, "4"));
+  ASSERT_THAT(denied_.Deny(kPc1, {}, absl::UnixEpoch()), IsOk());
+  EXPECT_TRUE(Denies(kPc1, "2"));
+  EXPECT_TRUE(Denies(kPc1, "3"));
+}
+
+// Entries of earlier versions and of hands have no "all_but".
+TEST_F(DeniedCertificates, TakesWhatAnotherListDenies) {
+  const std::filesystem::path other_file = directory_.path() / "other.json";
+  ReplaceTestFile(other_file, R"({"denied": [
+      {"uri": "rigcal://agents/pc1", "serials": ["1"], "all_but": ["3", "4"]},
+      {"uri": "rigcal://agents/pc2", "serials": ["1"]},
+      {"uri": "rigcal://users/kim", "serials": []}]})");
+  Write(R"({"denied": [{"uri": "rigcal://agents/pc1", "serials": ["2"], "all_but": ["4", "5"]},
+                       {"uri": "rigcal://agents/pc3", "serials": ["7"]}]})");
+  server::DeniedCertificates other(other_file);
+  ASSERT_THAT(denied_.TakeAllOf(other), IsOk());
+  for (const char* serial : {"1", "2", "3", "5", "6"}) EXPECT_TRUE(Denies(kPc1, serial)) << serial;
+  EXPECT_FALSE(Denies(kPc1, "4")) << "in neither";
+  EXPECT_TRUE(Denies("rigcal://agents/pc2", "1"));
+  EXPECT_FALSE(Denies("rigcal://agents/pc2", "2"));
+  EXPECT_TRUE(Denies("rigcal://agents/pc3", "7"));
+  EXPECT_TRUE(Denies(kKim, "9"));
+  Write("{");
+  EXPECT_THAT(denied_.TakeAllOf(other), StatusIs(absl::StatusCode::kDataLoss, HasSubstr("denied")));
 }
 
 TEST_F(DeniedCertificates, SaysThatTheFileIsDamagedUntilItIsRepaired) {
   for (const char* damaged :
        {"", "{", "[]", R"({"denied": 3})", R"({"denied": [3]})", R"({"denied": [{}]})",
         R"({"denied": [{"uri": 1, "serials": []}]})", R"({"denied": [{"uri": "a"}]})",
-        R"({"denied": [{"uri": "a", "serials": [5]}]})"}) {
+        R"({"denied": [{"uri": "a", "serials": [5]}]})",
+        R"({"denied": [{"uri": "a", "serials": [], "all_but": 5}]})"}) {
     Write(damaged);
     const auto denies = denied_.Denies(kKim, "5");
     EXPECT_THAT(denies, StatusIs(absl::StatusCode::kDataLoss, HasSubstr("denied.json"))) << damaged;

@@ -14,9 +14,11 @@
 #include "common/identity/certificate_request.h"
 #include "common/identity/join_string.h"
 #include "common/identity/private_key.h"
+#include "server/identity/accepted_certificates.h"
 #include "server/identity/denied_certificates.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
+#include "tests/testing/test_ca.h"
 
 namespace rigcal::testing::identity_authority_test {
 namespace {
@@ -224,8 +226,59 @@ TEST_F(IdentityAuthority, RevokesAtOnceAndLetsTheNameJoinAgain) {
   ASSERT_OK_AND_ASSIGN(const std::string second, Join("pc-1", *MakePrivateKey()));
   EXPECT_FALSE(Denied(second));
   EXPECT_TRUE(Denied(first));
-  EXPECT_THAT(authority_->Revoke("rigcal://agents/nobody"),
-              StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+}
+
+// Somebody who joined after the backup that was restored.
+TEST_F(IdentityAuthority, RevokesANameThatIsNotOnRecord) {
+  ASSERT_OK_AND_ASSIGN(const std::string ghost, Join("pc-1", key_));
+  ASSERT_OK_AND_ASSIGN(const std::string record, ReadSmallFile(folder() / "identities.json"));
+  authority_.reset();
+  std::filesystem::remove(folder() / "identities.json");
+  Open();
+  EXPECT_FALSE(Denied(ghost));
+  EXPECT_THAT(authority_->Renew(ghost, Request(key_, "pc-1")),
+              StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("not on record")));
+  ASSERT_THAT(authority_->Revoke("rigcal://agents/pc-1"), IsOk());
+  EXPECT_TRUE(Denied(ghost));
+  ASSERT_OK_AND_ASSIGN(const std::string again, Join("pc-1", *MakePrivateKey()));
+  EXPECT_FALSE(Denied(again));
+  EXPECT_TRUE(Denied(ghost));
+  // A backup that knows him does not bring him back.
+  authority_.reset();
+  ReplaceTestFile(folder() / "identities.json", record);
+  Open();
+  EXPECT_THAT(authority_->Renew(ghost, Request(key_, "pc-1")),
+              StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("revoked")));
+  for (const char* uri :
+       {"", "pc-1", "rigcal://agents/", "rigcal://agents/no name", "rigcal://server"}) {
+    EXPECT_THAT(authority_->Revoke(uri),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("URI")));
+  }
+}
+
+TEST_F(IdentityAuthority, ATokenTakesWhoJoinedByItThoughHeIsNotOnRecord) {
+  const auto made = authority_->CreateToken(Role::kAgent, absl::Hours(1), "");
+  const std::string secret = ParseJoinString(made->join_string)->secret;
+  const auto issued = authority_->Enrol(secret, Request(key_, "pc-1"));
+  ASSERT_THAT(issued, IsOk());
+  authority_.reset();
+  std::filesystem::remove(folder() / "identities.json");
+  Open();
+  ASSERT_THAT(authority_->RevokeToken(made->token.id), IsOk());
+  EXPECT_TRUE(Denied(issued->certificate_pem));
+}
+
+TEST_F(IdentityAuthority, AnOldCertificateStaysValidWhenItIsRenewed) {
+  ASSERT_OK_AND_ASSIGN(const std::string first, Join("pc-1", key_));
+  now_ += absl::Hours(24 * 20);
+  const auto renewed = authority_->Renew(first, Request(key_, "pc-1"));
+  ASSERT_THAT(renewed, IsOk());
+  server::AcceptedCertificates accepted(folder());
+  for (const std::string& pem : {first, renewed->certificate_pem}) {
+    ASSERT_OK_AND_ASSIGN(const Certificate certificate, ParseCertificate(pem));
+    EXPECT_EQ(*accepted.Find(certificate.uri, certificate.serial),
+              server::AcceptedCertificates::Standing::kAccepted);
+  }
 }
 
 TEST_F(IdentityAuthority, DoesNotTakeBackARevocationForAUsedSecret) {

@@ -7,11 +7,16 @@
 #include <fstream>
 #include <iterator>
 
+#include "absl/time/clock.h"
+#include "common/identity/certificate.h"
+#include "server/identity/identity_registry.h"
+
 namespace rigcal::testing {
 
 void TlsFixture::SetUp() {
   server_certificate_ = ca_.MakeServer();
   ca_.WriteServerFolder(identity(), server_certificate_);
+  if (has_ca_key_) ca_.WriteCaKey(identity());
   rpc_options_.listen_address = "127.0.0.1:0";
   rpc_options_.identity_folder = identity();
   rpc_options_.listener.plain_loopback = false;
@@ -44,6 +49,14 @@ void TlsFixture::Deny(const std::string& uri, const std::string& serial) const {
   const std::string serials = serial.empty() ? "" : "\"" + serial + "\"";
   ReplaceTestFile(identity() / "denied.json",
                   R"({"denied": [{"uri": ")" + uri + R"(", "serials": [)" + serials + "]}]}");
+}
+
+void TlsFixture::Record(const TestCertificate& certificate) const {
+  auto registry = server::IdentityRegistry::Open(identity() / "identities.json");
+  ASSERT_THAT(registry, IsOk());
+  const auto parsed = ParseCertificate(certificate.certificate_pem);
+  ASSERT_THAT(parsed, IsOk());
+  ASSERT_THAT(registry->Record(*parsed, /*joins=*/false, absl::Now()), IsOk());
 }
 
 std::string TlsFixture::Audit() const {

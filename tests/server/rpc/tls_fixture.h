@@ -32,12 +32,16 @@ class TlsFixture : public RpcFixture {
   std::filesystem::path identity() const { return folder_.path() / "identity"; }
   // Denies every certificate of `uri`, or only one.
   void Deny(const std::string& uri, const std::string& serial = "") const;
+  // Takes a certificate on the server's record.
+  void Record(const TestCertificate& certificate) const;
   // The audit log so far.
   std::string Audit() const;
 
   TemporaryDirectory folder_;
   TestCa ca_;
   TestCertificate server_certificate_;
+  // Set before SetUp: the server has the CA's key, and takes only certificates on its record.
+  bool has_ca_key_ = false;
 };
 
 }  // namespace rigcal::testing

@@ -113,6 +113,54 @@ TEST_F(TlsIdentity, AWatchOfARevokedUserIsCut) {
   EXPECT_FALSE(reader->Finish().ok());
 }
 
+// An agent that cannot renew, and one that has renewed: both are cut at the end of the certificate
+// that they came with; the second comes back with its new one, and nothing is lost.
+TEST_F(TlsIdentity, AStreamEndsWithItsCertificate) {
+  StartWave({"left"});
+  // Long enough to connect and to send.
+  constexpr int64_t kLife_s = 4;
+  TestAgent agent(Channel(ca_.Make({.ends_in_s = kLife_s})), MakeHello("pc1", {"left"}));
+  agent.ReadHello();
+  agent.SendBatch(MakeBatch({"wave", "left", 1}, 1, 10));
+  EXPECT_EQ(agent.ReadAck("left", 10).durable_seq(), 10u);
+  TestAgent other(AgentChannel("pc2"), MakeHello("pc2", {"right"}));
+  other.ReadHello();
+  // Is it in time? What it sends at the end may not arrive, and is sent again.
+  agent.SendBatch(MakeBatch({"wave", "left", 1}, 11, 20));
+  EXPECT_FALSE(agent.AwaitEnd().ok());
+  EXPECT_TRUE(AuditSays("its certificate has ended, at 20")) << Audit();
+  TestAgent renewed(AgentChannel("pc1"), MakeHello("pc1", {"left"}, 1, 2));
+  renewed.ReadHello();
+  renewed.SendBatch(MakeBatch({"wave", "left", 1}, 11, 30));
+  EXPECT_EQ(renewed.ReadAck("left", 30).durable_seq(), 30u);
+  EXPECT_THAT(ReadRows(store(), "wave"), SizeIs(30));
+  v1::ConnectRequest ping;
+  ping.mutable_time_ping()->set_host_monotonic_ns(1);
+  other.Send(ping);
+  other.ReadUntil(v1::ConnectResponse::kTimePong);
+}
+
+class TlsRecord : public TlsIdentity {
+ protected:
+  TlsRecord() { has_ca_key_ = true; }
+};
+
+TEST_F(TlsRecord, OnlyCertificatesOnRecordGetInAndStayIn) {
+  const TestCertificate known = ca_.MakeAgent("pc1");
+  const TestCertificate ghost = ca_.MakeAgent("pc1");
+  Record(known);
+  EXPECT_THAT(Ask(Channel(ghost)), StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+  EXPECT_TRUE(AuditSays("is not on record here")) << Audit();
+  TestAgent agent(Channel(known), MakeHello("pc1", {"left"}));
+  agent.ReadHello();
+  Record(ghost);
+  TestAgent again(Channel(ghost), MakeHello("pc1", {"left"}, 1, 2));
+  again.ReadHello();
+  std::filesystem::remove(identity() / "identities.json");
+  EXPECT_FALSE(again.AwaitEnd().ok());
+  EXPECT_TRUE(AuditSays("its certificate is not on record")) << Audit();
+}
+
 TEST_F(TlsIdentity, ANewServerCertificateIsTakenUnderLoadAndABrokenOneIsNot) {
   TestAgent agent(AgentChannel("pc1"), MakeHello("pc1", {"left"}));
   agent.ReadHello();

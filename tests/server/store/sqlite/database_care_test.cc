@@ -138,7 +138,49 @@ TEST_F(DatabaseCare, BackupWhileRowsArriveIsOneState) {
   EXPECT_THAT(BackUpDatabase(directory_.path() / "nothing", directory_.path() / "x", kNoProgress),
               StatusIs(absl::StatusCode::kNotFound, _));
   EXPECT_THAT(BackUpDatabase(folder(), directory_.path() / "no" / "x", kNoProgress),
-              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("no/x")));
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("no/x")));
+}
+
+// What would run with the server's rights when the data is used.
+TEST_F(DatabaseCare, NothingInABackupRuns) {
+  for (const char* sql : {
+           "CREATE TRIGGER t AFTER DELETE ON backup_file BEGIN UPDATE session SET rig='x'; END",
+           "CREATE TRIGGER t AFTER INSERT ON counter BEGIN DELETE FROM batch; END",
+           "CREATE VIEW t AS SELECT 1",
+           "CREATE TABLE t(x)",
+           "CREATE VIRTUAL TABLE t USING fts5(x)",
+           "CREATE INDEX t ON session(abs(state))",
+           "DROP TABLE backup_file; CREATE VIEW backup_file AS SELECT 'a' AS path, 'b' AS body, 1 "
+           "AS checksum",
+           "DROP TABLE counter; CREATE TABLE counter(name TEXT PRIMARY KEY, value INTEGER NOT NULL "
+           "DEFAULT (abs(1))) WITHOUT ROWID",
+       }) {
+    SCOPED_TRACE(sql);
+    fs::remove(Backup());
+    ASSERT_THAT(BackUpDatabase(folder(), Backup(), kNoProgress), IsOk());
+    Close();
+    {
+      SQLite::Database database(Backup().string(), SQLite::OPEN_READWRITE);
+      database.exec(sql);
+    }
+    const auto refused =
+        StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("which rigcal has not made"));
+    EXPECT_THAT(RestoreDatabase(Backup(), folder(), {}, kNoProgress), refused);
+    EXPECT_THAT(RestoreDatabase(Backup(), folder(), {.take_damaged = true}, kNoProgress), refused);
+    EXPECT_THAT(CheckDatabase(Backup(), kNoProgress), refused);
+    // Nor when it is put in place by hand.
+    const fs::path by_hand = directory_.path() / "by_hand";
+    fs::create_directory(by_hand);
+    fs::rename(Backup(), by_hand / "rigcal.db");
+    EXPECT_THAT(SqliteStore::Open({.data_directory = by_hand}), refused);
+    EXPECT_THAT(BackUpDatabase(by_hand, Backup(), kNoProgress), refused);
+    fs::remove_all(by_hand);
+    Open();
+  }
+  EXPECT_EQ(ReadRows(store()).size(), 150u) << "the data is untouched";
+  Close();
+  Execute("ANALYZE");
+  Open();
 }
 
 TEST_F(DatabaseCare, RestorePutsEverythingBackAndKeepsWhatWas) {
@@ -151,12 +193,12 @@ TEST_F(DatabaseCare, RestorePutsEverythingBackAndKeepsWhatWas) {
   ASSERT_THAT(BackUpDatabase(folder(), Backup(), kNoProgress), IsOk());
   Append(MakeBatch(KeyOf("a"), 101, 200));
 
-  EXPECT_THAT(RestoreDatabase(Backup(), folder(), false, kNoProgress),
+  EXPECT_THAT(RestoreDatabase(Backup(), folder(), {}, kNoProgress),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("another server")));
   Close();
   directory_.WriteFile("data/identity/ca.key", "another");
   ASSERT_OK_AND_ASSIGN(const RestoreReport report,
-                       RestoreDatabase(Backup(), folder(), false, kNoProgress));
+                       RestoreDatabase(Backup(), folder(), {}, kNoProgress));
   EXPECT_EQ(report.backup.observation_count, 150u);
   EXPECT_TRUE(fs::exists(report.kept / "rigcal.db")) << report.kept;
   EXPECT_EQ(Text(report.kept / "identity" / "ca.key"), "another");
@@ -179,7 +221,7 @@ TEST_F(DatabaseCare, RestoreIntoAFolderThatIsNotThere) {
   ASSERT_THAT(BackUpDatabase(folder(), Backup(), kNoProgress), IsOk());
   const fs::path other = directory_.path() / "other";
   ASSERT_OK_AND_ASSIGN(const RestoreReport report,
-                       RestoreDatabase(Backup(), other, false, kNoProgress));
+                       RestoreDatabase(Backup(), other, {}, kNoProgress));
   EXPECT_EQ(report.kept, "");
   ASSERT_OK_AND_ASSIGN(const auto restored, SqliteStore::Open({.data_directory = other}));
   EXPECT_EQ(ReadRows(*restored).size(), 150u);
@@ -192,12 +234,12 @@ TEST_F(DatabaseCare, RestoreRefusesADamagedBackupUnlessToldOtherwise) {
                        BackUpDatabase(folder(), Backup(), kNoProgress));
   EXPECT_EQ(backup.damaged_row_count, 50u);
   EXPECT_THAT(
-      RestoreDatabase(Backup(), folder(), false, kNoProgress),
+      RestoreDatabase(Backup(), folder(), {}, kNoProgress),
       StatusIs(absl::StatusCode::kDataLoss, AllOf(HasSubstr("camera b"), HasSubstr("--damaged"))));
-  EXPECT_THAT(RestoreDatabase(Backup(), folder(), true, kNoProgress), IsOk());
+  EXPECT_THAT(RestoreDatabase(Backup(), folder(), {.take_damaged = true}, kNoProgress), IsOk());
   Open();
   EXPECT_EQ(ReadRows(store()).size(), 100u);
-  EXPECT_THAT(RestoreDatabase(directory_.path() / "none", folder(), false, kNoProgress),
+  EXPECT_THAT(RestoreDatabase(directory_.path() / "none", folder(), {}, kNoProgress),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("none")));
 }
 

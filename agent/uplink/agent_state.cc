@@ -147,6 +147,10 @@ absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directo
                                             const std::string& agent_id) {
   if (!agent_id.empty()) RIGCAL_RETURN_IF_ERROR(ValidateName("agent_id", agent_id));
   RIGCAL_RETURN_IF_ERROR(MakePrivateFolder(directory));
+  // Others may have put these here while they could.
+  for (const char* name : {kStateFile, kSecretFile, "identity", "spool", "detectors"}) {
+    RIGCAL_RETURN_IF_ERROR(CheckOwner(directory / name));
+  }
   RIGCAL_ASSIGN_OR_RETURN(FileDescriptor lock, Lock(directory));
   RemoveUnfinishedFiles(directory);
   AgentState state(std::move(lock));

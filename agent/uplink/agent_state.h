@@ -31,6 +31,7 @@ class AgentState {
   //   ALREADY_EXISTS       another agent uses the folder; the message says what to do
   //   DATA_LOSS            a file in it is damaged; it is named
   //   INVALID_ARGUMENT     the agent_id is not a valid name
+  //   FAILED_PRECONDITION  the folder, or something of the agent's in it, belongs to another user
   //   others               errors of the file system, naming the path
   static absl::StatusOr<AgentState> Open(const std::filesystem::path& directory,
                                          const std::string& agent_id);

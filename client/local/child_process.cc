@@ -94,7 +94,8 @@ std::string EndOf(int status) {
 }  // namespace
 
 absl::StatusOr<ChildProcess> ChildProcess::Start(ChildProcessOptions options) {
-  const int log = open(options.log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  const int log =
+      open(options.log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0644);
   if (log < 0) return Errno(absl::StrCat("cannot write the log ", options.log.string()));
   int status_pipe[2];
   if (pipe2(status_pipe, O_CLOEXEC) != 0) {

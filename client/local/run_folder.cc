@@ -33,7 +33,7 @@ absl::Status CannotMake(const fs::path& path, const std::string& why) {
 absl::StatusOr<int> Lock(const fs::path& folder) {
   const fs::path file = folder / kLockName;
   const fs::path unnamed = folder / "lock.new";
-  const int lock = open(unnamed.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  const int lock = open(unnamed.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600);
   if (lock >= 0 && flock(lock, LOCK_EX | LOCK_NB) == 0 &&
       rename(unnamed.c_str(), file.c_str()) == 0) {
     return lock;

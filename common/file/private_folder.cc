@@ -85,6 +85,28 @@ absl::StatusOr<FileDescriptor> OpenPrivateFile(const fs::path& path) {
   return file;
 }
 
+absl::StatusOr<bool> CloseToOthers(const fs::path& path) {
+  struct stat about = {};
+  if (lstat(path.c_str(), &about) != 0) {
+    return errno == ENOENT ? absl::StatusOr<bool>(false) : FileError("look at", path, errno);
+  }
+  const bool is_folder = S_ISDIR(about.st_mode);
+  if ((!is_folder && !S_ISREG(about.st_mode)) || about.st_uid != geteuid()) return false;
+  bool changed = (about.st_mode & kBitsOfOthers) != 0;
+  if (changed && chmod(path.c_str(), is_folder ? kFolderMode : kFileMode) != 0) {
+    return FileError("protect", path, errno);
+  }
+  if (!is_folder) return changed;
+  std::error_code error;
+  for (fs::directory_iterator entry(path, error), end; !error && entry != end;
+       entry.increment(error)) {
+    RIGCAL_ASSIGN_OR_RETURN(const bool closed, CloseToOthers(entry->path()));
+    changed |= closed;
+  }
+  if (error) return FileError("list", path, error.value());
+  return changed;
+}
+
 absl::Status CheckOwner(const fs::path& path) {
   struct stat about = {};
   if (lstat(path.c_str(), &about) != 0) {

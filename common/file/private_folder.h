@@ -26,6 +26,10 @@ absl::Status MakePrivateFolder(const std::filesystem::path& path);
 //   FAILED_PRECONDITION  it is a link or no regular file, or belongs to another user
 absl::StatusOr<FileDescriptor> OpenPrivateFile(const std::filesystem::path& path);
 
+// Gives a file of this user's the mode 0600, or a folder with everything in it 0700 and 0600. True:
+// another user could read something before. What is a link, or not this user's, is left alone.
+absl::StatusOr<bool> CloseToOthers(const std::filesystem::path& path);
+
 // FAILED_PRECONDITION: this file, folder or link belongs to another user. OK where there is none.
 absl::Status CheckOwner(const std::filesystem::path& path);
 

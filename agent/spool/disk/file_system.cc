@@ -146,7 +146,7 @@ class PosixFileSystem final : public FileSystem {
   }
 
   absl::StatusOr<std::shared_ptr<void>> Lock(const std::string& path) override {
-    const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600);
     if (fd < 0) return FileError("open", path);
     const auto lock = std::make_shared<OpenDescriptor>(fd);
     if (flock(fd, LOCK_EX | LOCK_NB) == 0) return lock;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/status/statusor.h"
+#include "common/file/file_descriptor.h"
 
 namespace rigcal::server {
 
@@ -18,11 +19,11 @@ namespace rigcal::server {
 class DataDirectory {
  public:
   // Creates the folder where it is missing. FAILED_PRECONDITION: another process holds it; its pid
-  // is named where it is known. The lock ends with this object or with the process, however that
-  // ends. It is on the folder itself and on a file `lock` in it, so that it holds when somebody
-  // deletes that file.
+  // is named where it is known. Or the folder, or a file of the server's in it, belongs to another
+  // user or is a link, so that somebody could make the server write elsewhere. The lock ends with
+  // this object or with the process, however that ends. It is on the folder itself and on a file
+  // `lock` in it, so that it holds when somebody deletes that file.
   static absl::StatusOr<std::unique_ptr<DataDirectory>> Open(const std::filesystem::path& path);
-  ~DataDirectory();
   DataDirectory(const DataDirectory&) = delete;
   DataDirectory& operator=(const DataDirectory&) = delete;
 
@@ -38,15 +39,16 @@ class DataDirectory {
   void ReleaseReserve();
 
  private:
-  DataDirectory(std::filesystem::path path, int lock_fd, int folder_fd)
-      : path_(std::move(path)), lock_fd_(lock_fd), folder_fd_(folder_fd) {}
-  // Permissions of the folder and of the files in it that are this server's.
-  void MakePrivate() const;
+  DataDirectory(std::filesystem::path path, FileDescriptor lock, FileDescriptor folder)
+      : path_(std::move(path)), lock_(std::move(lock)), folder_(std::move(folder)) {}
+  // Permissions of the files in the folder that are this server's; `changed`: of the folder as
+  // well.
+  absl::Status MakePrivate(bool changed) const;
   std::filesystem::path reserve_file() const { return path_ / "reserve"; }
 
   std::filesystem::path path_;
-  int lock_fd_ = -1;
-  int folder_fd_ = -1;
+  FileDescriptor lock_;
+  FileDescriptor folder_;
 };
 
 }  // namespace rigcal::server

@@ -48,7 +48,8 @@ std::vector<fs::path> SmallFiles(const fs::path& data_directory) {
   }
   for (fs::directory_iterator entry(data_directory / "identity", error), end;
        !error && entry != end; entry.increment(error)) {
-    if (entry->is_regular_file(error)) files.push_back("identity" / entry->path().filename());
+    if (fs::is_regular_file(entry->symlink_status(error)))
+      files.push_back("identity" / entry->path().filename());
   }
   return files;
 }

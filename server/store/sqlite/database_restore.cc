@@ -12,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/file/durable_file.h"
+#include "common/file/private_folder.h"
 #include "common/status/status_macros.h"
 #include "server/store/sqlite/data_directory.h"
 #include "server/store/sqlite/database_backup.h"
@@ -106,6 +107,7 @@ absl::Status FillFolder(const fs::path& file, const fs::path& old_folder, const 
   }
   return SyncAndRename(folder / "rigcal.db", folder / "rigcal.db");
 }
+    RIGCAL_RETURN_IF_ERROR(CloseToOthers(folder / name).status());
 
 absl::Status SwapFolders(const fs::path& folder, const fs::path& aside, const fs::path& filled) {
   std::error_code error;

@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/uplink/agent_state.h"
 
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <cstdlib>
 #include <fstream>
 #include <set>
@@ -111,6 +116,45 @@ TEST_F(AgentStateTest, RefusesADamagedFileInsteadOfBeginningAnew) {
                 StatusIs(absl::StatusCode::kDataLoss, HasSubstr("agent.state")))
         << text;
   }
+}
+
+TEST_F(AgentStateTest, IsForItsUserOnlyAndFollowsNoLinks) {
+  const mode_t mask = umask(0);
+  OpenAndClose();
+  umask(mask);
+  struct stat about = {};
+  for (const auto& [name, mode] :
+       {std::pair{".", 0700u}, {"lock", 0600u}, {"agent.state", 0600u}, {"agent.secret", 0600u}}) {
+    ASSERT_EQ(stat((Directory() / name).c_str(), &about), 0);
+    EXPECT_EQ(about.st_mode & 0777, mode) << name;
+  }
+  const std::filesystem::path target = directory_.WriteFile("target", "untouched");
+  for (const char* name : {"agent.state", "lock"}) {
+    std::filesystem::remove(Directory() / name);
+    std::filesystem::create_symlink(target, Directory() / name);
+    EXPECT_FALSE(AgentState::Open(Directory(), "").ok()) << name;
+    EXPECT_EQ(std::filesystem::file_size(target), 9u) << name;
+    std::filesystem::remove(Directory() / name);
+  }
+  if (geteuid() != 0) return;
+  ASSERT_EQ(chown(Directory().c_str(), 54321, 54321), 0);
+  EXPECT_THAT(AgentState::Open(Directory(), ""),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr(Directory().string()), HasSubstr("54321"))));
+}
+
+TEST_F(AgentStateTest, ADiskThatTakesAPartOnlyIsNoSuccess) {
+  OpenAndClose();
+  std::filesystem::remove(Directory() / "agent.secret");
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit before = {};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit limit = {10, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &limit);
+  const auto state = AgentState::Open(Directory(), "");
+  setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_THAT(state, StatusIs(absl::StatusCode::kResourceExhausted, HasSubstr("agent.secret")));
+  EXPECT_FALSE(std::filesystem::exists(Directory() / "agent.secret"));
 }
 
 TEST_F(AgentStateTest, IgnoresWhatAnInterruptedStartLeftBehind) {

@@ -91,6 +91,66 @@ TEST_F(DataDirectoryTest, FoldersOfEarlierReleasesAreClosedToOthers) {
   EXPECT_EQ(ModeOf(Folder() / "of_somebody_else"), 0644u);
 }
 
+// A folder that another user has prepared: the server must not write where his links lead.
+TEST_F(DataDirectoryTest, LinksAreNotFollowed) {
+  for (const char* name : {"lock", "rigcal.db", "reserve"}) {
+    SCOPED_TRACE(name);
+    std::filesystem::remove_all(Folder());
+    std::filesystem::create_directory(Folder());
+    const std::filesystem::path target = directory_.WriteFile("target", "untouched");
+    std::filesystem::create_symlink(target, Folder() / name);
+    auto opened = SqliteStore::Open(Options());
+    if (name != std::string("reserve")) {
+      EXPECT_THAT(opened,
+                  StatusIs(absl::StatusCode::kFailedPrecondition,
+                           AllOf(HasSubstr((Folder() / name).string()), HasSubstr("link"))));
+    } else {
+      EXPECT_THAT(opened, IsOk()) << "a server can do without a reserve";
+    }
+    EXPECT_EQ(std::filesystem::file_size(target), 9u);
+    opened = absl::UnknownError("closed");
+    std::filesystem::remove(target);
+    std::filesystem::remove(Folder() / name);
+    std::filesystem::create_symlink(target, Folder() / name);
+    EXPECT_EQ(SqliteStore::Open(Options()).ok(), name == std::string("reserve"));
+    EXPECT_FALSE(std::filesystem::exists(target)) << "nor made";
+  }
+}
+
+TEST_F(DataDirectoryTest, WhatBelongsToAnotherUserIsRefusedAndNamed) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root can give files away";
+  constexpr uid_t kSomebody = 54321;
+  { ASSERT_OK_AND_ASSIGN(const auto store, SqliteStore::Open(Options())); }
+  std::filesystem::create_directory(Folder() / "identity");
+  for (const char* name : {"", "rigcal.db", "lock", "agents.json", "identity"}) {
+    const std::filesystem::path path = *name == '\0' ? Folder() : Folder() / name;
+    if (!std::filesystem::exists(path)) directory_.WriteFile("data/" + std::string(name), "{}");
+    ASSERT_EQ(lchown(path.c_str(), kSomebody, kSomebody), 0);
+    EXPECT_THAT(SqliteStore::Open(Options()),
+                StatusIs(absl::StatusCode::kFailedPrecondition,
+                         AllOf(HasSubstr(path.string()), HasSubstr("54321"), HasSubstr("chown"))));
+    ASSERT_EQ(lchown(path.c_str(), 0, 0), 0);
+  }
+  EXPECT_THAT(SqliteStore::Open(Options()), IsOk());
+}
+
+TEST_F(DataDirectoryTest, KeysOfEarlierReleasesAreClosedToOthers) {
+  { ASSERT_OK_AND_ASSIGN(const auto store, SqliteStore::Open(Options())); }
+  std::filesystem::create_directories(Folder() / "identity" / ".active");
+  for (const char* name : {"identity/ca.key", "identity/.active/server.key", "agents.json"}) {
+    directory_.WriteFile("data/" + std::string(name), "secret");
+    chmod((Folder() / name).c_str(), 0644);
+  }
+  chmod((Folder() / "identity").c_str(), 0755);
+  directory_.WriteFile("data/agents.json.12-3.new", "of a start that was killed");
+  ASSERT_OK_AND_ASSIGN(const auto store, SqliteStore::Open(Options()));
+  for (const char* name : {"identity/ca.key", "identity/.active/server.key", "agents.json"}) {
+    EXPECT_EQ(ModeOf(Folder() / name), 0600u) << name;
+  }
+  EXPECT_EQ(ModeOf(Folder() / "identity"), 0700u);
+  EXPECT_FALSE(std::filesystem::exists(Folder() / "agents.json.12-3.new"));
+}
+
 TEST_F(DataDirectoryTest, AFolderThatEverybodySharesStaysOpen) {
   std::filesystem::create_directory(Folder());
   chmod(Folder().c_str(), 01777);

@@ -207,6 +207,8 @@ TEST_F(DatabaseCare, RestorePutsEverythingBackAndKeepsWhatWas) {
   struct stat entry = {};
   ASSERT_EQ(stat((folder() / "identity" / "ca.key").c_str(), &entry), 0);
   EXPECT_EQ(entry.st_mode & 0777, 0600u);
+  ASSERT_EQ(stat((folder() / "identity").c_str(), &entry), 0);
+  EXPECT_EQ(entry.st_mode & 0777, 0700u);
   Open();
   EXPECT_EQ(store().server_id(), id);
   EXPECT_EQ(CountsText(store()), counts);
@@ -215,6 +217,41 @@ TEST_F(DatabaseCare, RestorePutsEverythingBackAndKeepsWhatWas) {
   Close();
   SQLite::Database database(File().string(), SQLite::OPEN_READONLY);
   EXPECT_FALSE(database.tableExists("backup_file"));
+}
+
+// A backup of the database by hand: the keys are those of the folder before, closed to others.
+TEST_F(DatabaseCare, WhatABackupLacksIsTakenAndClosedToOthers) {
+  fs::create_directory(folder() / "identity");
+  directory_.WriteFile("data/identity/ca.key", "secret");
+  directory_.WriteFile("data/agents.json", "{}");
+  Close();
+  fs::copy_file(File(), Backup());
+  chmod((folder() / "identity").c_str(), 0755);
+  chmod((folder() / "identity" / "ca.key").c_str(), 0644);
+  chmod((folder() / "agents.json").c_str(), 0666);
+  fs::path before, after;
+  const auto look = [&](const fs::path& old_folder, const fs::path& new_folder) {
+    before = old_folder;
+    after = new_folder;
+    return fs::exists(new_folder / "identity" / "ca.key") ? absl::OkStatus()
+                                                          : absl::InternalError("too early");
+  };
+  ASSERT_THAT(RestoreDatabase(Backup(), folder(), {.reconcile = look}, kNoProgress), IsOk());
+  EXPECT_EQ(before, folder());
+  EXPECT_FALSE(fs::exists(after)) << "it has taken its place";
+  for (const auto& [name, mode] : {std::pair{"identity", 0700u},
+                                   {"identity/ca.key", 0600u},
+                                   {"agents.json", 0600u},
+                                   {"rigcal.db", 0600u}}) {
+    struct stat entry = {};
+    ASSERT_EQ(stat((folder() / name).c_str(), &entry), 0) << name;
+    EXPECT_EQ(entry.st_mode & 0777, mode) << name;
+  }
+  const auto refuse = [](const fs::path&, const fs::path&) { return absl::AbortedError("no"); };
+  EXPECT_THAT(RestoreDatabase(Backup(), folder(), {.reconcile = refuse}, kNoProgress),
+              StatusIs(absl::StatusCode::kAborted, HasSubstr("no")));
+  Open();
+  EXPECT_EQ(ReadRows(store()).size(), 150u) << "nothing was moved";
 }
 
 TEST_F(DatabaseCare, RestoreIntoAFolderThatIsNotThere) {

@@ -27,13 +27,6 @@ constexpr int kStepPages = 1024;
 constexpr size_t kMaxSmallFile = size_t{1} << 30;
 // Copying is this part of the work, checking the copy the rest.
 constexpr double kCopyPart = 0.6;
-constexpr char kBackupTables[] = R"sql(
-CREATE TABLE backup_file(
-  path TEXT PRIMARY KEY,
-  body BLOB NOT NULL,
-  checksum INTEGER NOT NULL
-) WITHOUT ROWID;
-)sql";
 
 CareProgress PartOf(const CareProgress& progress, double from, double to) {
   return [progress, from, to](double fraction) { progress(from + (to - from) * fraction); };
@@ -68,7 +61,7 @@ void CopyDatabase(SQLite::Database& source, SQLite::Database& copy, const CarePr
 
 absl::Status AddSmallFiles(const fs::path& data_directory, SQLite::Database& copy) {
   SQLite::Transaction transaction(copy);
-  copy.exec(kBackupTables);
+  copy.exec(kBackupTable);
   SQLite::Statement insert(copy, "INSERT INTO backup_file(path, body, checksum) VALUES(?,?,?)");
   for (const fs::path& name : SmallFiles(data_directory)) {
     RIGCAL_ASSIGN_OR_RETURN(const std::string body,
@@ -84,8 +77,10 @@ absl::Status WriteCopy(const fs::path& data_directory, const fs::path& copy_file
   const fs::path database = data_directory / "rigcal.db";
   try {
     SQLite::Database source(database.string(), SQLite::OPEN_READONLY, 10'000);
+    DistrustSchema(source);
     RIGCAL_RETURN_IF_ERROR(CheckSchema(source, database.string()));
     SQLite::Database copy(copy_file.string(), SQLite::OPEN_READWRITE, 10'000);
+    DistrustSchema(copy);
     CopyDatabase(source, copy, progress);
     // One file, without a log beside it.
     copy.exec("PRAGMA journal_mode=DELETE; PRAGMA synchronous=FULL");

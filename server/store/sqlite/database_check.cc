@@ -238,6 +238,7 @@ absl::StatusOr<DatabaseReport> CheckDatabase(const std::filesystem::path& file,
   }
   try {
     SQLite::Database database(file.string(), SQLite::OPEN_READONLY, kBusyTimeoutOfCheckMs);
+    DistrustSchema(database);
     database.exec("PRAGMA mmap_size=0; PRAGMA cell_size_check=ON");
     // One state for all that is read. Ends with the connection: after damage it cannot be ended
     // in an orderly way.

@@ -18,6 +18,7 @@
 #include "server/store/sqlite/database_backup.h"
 #include "server/store/sqlite/record_checksum.h"
 #include "server/store/sqlite/sqlite_connection.h"
+#include "server/store/sqlite/sqlite_schema.h"
 
 namespace rigcal::server {
 namespace {
@@ -57,6 +58,8 @@ bool IsSafe(const fs::path& path) {
 absl::Status UnpackSmallFiles(const fs::path& folder) {
   try {
     SQLite::Database database((folder / "rigcal.db").string(), SQLite::OPEN_READWRITE, 10'000);
+    DistrustSchema(database);
+    RIGCAL_RETURN_IF_ERROR(CheckSchema(database, "the backup"));
     if (!database.tableExists("backup_file")) return absl::OkStatus();
     SQLite::Statement row(database, "SELECT path, body, checksum FROM backup_file");
     while (row.executeStep()) {
@@ -104,10 +107,10 @@ absl::Status FillFolder(const fs::path& file, const fs::path& old_folder, const 
     if (fs::exists(folder / name, error) || !fs::exists(old_folder / name, error)) continue;
     fs::copy(old_folder / name, folder / name, fs::copy_options::recursive, error);
     if (error) return FolderError("copying from", old_folder / name, error);
+    RIGCAL_RETURN_IF_ERROR(CloseToOthers(folder / name).status());
   }
   return SyncAndRename(folder / "rigcal.db", folder / "rigcal.db");
 }
-    RIGCAL_RETURN_IF_ERROR(CloseToOthers(folder / name).status());
 
 absl::Status SwapFolders(const fs::path& folder, const fs::path& aside, const fs::path& filled) {
   std::error_code error;
@@ -148,12 +151,12 @@ absl::StatusOr<RestoreReport> RestoreDatabase(const fs::path& file, const fs::pa
   const fs::path filled = absl::StrCat(folder.string(), ".restore-", getpid());
   const fs::path aside = AsideName(folder);
   absl::Status status = FillFolder(file, folder, filled);
+  if (status.ok() && options.reconcile) status = options.reconcile(folder, filled);
   if (status.ok()) status = SwapFolders(folder, aside, filled);
   if (!status.ok()) {
     fs::remove_all(filled, error);
     return status;
   }
-  if (status.ok() && options.reconcile) status = options.reconcile(folder, filled);
   if (had_files) {
     report.kept = aside;
   } else {

@@ -6,6 +6,7 @@
 #include <exception>
 #include <limits>
 
+#include <utility>
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 
@@ -22,9 +23,9 @@ int RememberLogPages(void* log_pages, sqlite3*, const char*, int pages) {
 
 void ConfigureConnection(SQLite::Database& database) {
   database.setBusyTimeout(kBusyTimeoutMs);
+  DistrustSchema(database);
   database.exec(
       "PRAGMA mmap_size=0;"
-      "PRAGMA trusted_schema=OFF;"
       "PRAGMA cell_size_check=ON;"
       "PRAGMA temp_store=MEMORY;"
       "PRAGMA foreign_keys=ON;");
@@ -46,6 +47,16 @@ bool IsDiskFailure(const SQLite::Exception& error) {
 }  // namespace
 
 absl::Status StatusFromSqlite(const SQLite::Exception& error, std::string_view what) {
+void DistrustSchema(SQLite::Database& database) {
+  // We have neither triggers nor views; foreign keys work without.
+  for (const auto& [option, on] : {std::pair{SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0},
+                                   {SQLITE_DBCONFIG_ENABLE_TRIGGER, 0},
+                                   {SQLITE_DBCONFIG_ENABLE_VIEW, 0},
+                                   {SQLITE_DBCONFIG_DEFENSIVE, 1}}) {
+    sqlite3_db_config(database.getHandle(), option, on, nullptr);
+  }
+}
+
   const std::string reason = absl::StrCat(std::string(what), ": ", error.what(), " (SQLite error ",
                                           error.getExtendedErrorCode(), ")");
   if (IsDiskFull(error)) {

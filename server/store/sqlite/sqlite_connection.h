@@ -86,6 +86,11 @@ uint64_t ColumnUint64(SQLite::Statement& statement, int index);
 //   INTERNAL            anything else, errors of the disk among them
 absl::Status StatusFromSqlite(const SQLite::Exception& error, std::string_view what);
 
+// For a database that may come from anywhere: nothing in its schema runs (triggers, views,
+// functions in expressions), and no statement can damage the file. Before anything else is done
+// with it.
+void DistrustSchema(SQLite::Database& database);
+
 // The one connection that writes and checkpoints. Thread-safe. `work` given to the functions below
 // may throw SQLite::Exception, which becomes a status that begins with `what`.
 class SqliteWriter {

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/sqlite/sqlite_schema.h"
 
+#include <map>
 #include <random>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/status/status_macros.h"
 #include "server/store/sqlite/activation_table.h"
 #include "server/store/sqlite/calibration_table.h"
 #include "server/store/sqlite/session_table.h"
@@ -172,13 +176,58 @@ int32_t ReadPragma(SQLite::Database& database, const char* pragma) {
   return database.execAndGet(absl::StrCat("PRAGMA ", pragma)).getInt();
 }
 
-void CreateTables(SQLite::Database& database) {
+// Those of a database of this version.
+void CreateTablesOf(SQLite::Database& database, int32_t version) {
   database.exec(kTables);
-  database.exec(kTablesOfVersion4);
-  database.exec(kActivationTable);
+  if (version >= kVersionWithSummaries) database.exec(kTablesOfVersion4);
+  if (version > kVersionWithSummaries) database.exec(kActivationTable);
+}
+
+void CreateTables(SQLite::Database& database) {
+  CreateTablesOf(database, kSchemaVersion);
   Query(database, "INSERT INTO identity(server_id) VALUES(?)", RandomId()).exec();
   database.exec(absl::StrCat("PRAGMA application_id=", kApplicationId));
   database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
+}
+
+// What the schema of a database holds, by name: kind, and the statement that made it.
+std::map<std::string, std::string> SchemaOf(SQLite::Database& database) {
+  std::map<std::string, std::string> schema;
+  SQLite::Statement row(database, "SELECT type, name, tbl_name, sql FROM sqlite_schema");
+  while (row.executeStep()) {
+    std::string sql = row.getColumn(3).getString();
+    absl::RemoveExtraAsciiWhitespace(&sql);
+    schema[row.getColumn(1).getString()] =
+        absl::StrCat(row.getColumn(0).getString(), " of ", row.getColumn(2).getString(), ": ", sql);
+  }
+  return schema;
+}
+
+// Statistics that somebody has made with ANALYZE; SQLite makes these tables itself.
+bool IsStatistics(const std::string& name) {
+  return name == "sqlite_stat1" || name == "sqlite_stat4";
+}
+
+// Triggers, views and the like would run with what the server does, and a table of another form may
+// hold expressions that do.
+absl::Status CheckNothingElse(SQLite::Database& database, const std::string& file,
+                              int32_t version) {
+  SQLite::Database own(":memory:", SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  CreateTablesOf(own, version);
+  own.exec(kBackupTable);
+  const std::map<std::string, std::string> expected = SchemaOf(own);
+  for (const auto& [name, made] : SchemaOf(database)) {
+    if (IsStatistics(name)) continue;
+    const auto found = expected.find(name);
+    if (found != expected.end() && found->second == made) continue;
+    return absl::FailedPreconditionError(
+        absl::StrCat(file, " is not used: it holds the ", made.substr(0, made.find(' ')), " '",
+                     absl::CHexEscape(name.substr(0, 64)),
+                     "', which rigcal has not made, and which could run when the data is used. "
+                     "Take another backup; or, if you know where it comes from, remove it with "
+                     "sqlite3 and try again"));
+  }
+  return absl::OkStatus();
 }
 
 // From 3 or 4.
@@ -205,7 +254,9 @@ absl::Status CheckSchema(SQLite::Database& database, std::string_view file) {
     return absl::DataLossError(absl::StrCat(name, " has no valid schema version (", version,
                                             "); restore a backup or give another --data-dir"));
   }
-  if (version == static_cast<int32_t>(kSchemaVersion)) return absl::OkStatus();
+  if (version == static_cast<int32_t>(kSchemaVersion)) {
+    return CheckNothingElse(database, name, version);
+  }
   const bool is_older = version < static_cast<int32_t>(kSchemaVersion);
   return absl::FailedPreconditionError(absl::StrCat(
       name, " has schema version ", version,
@@ -221,12 +272,12 @@ absl::Status CheckSchema(SQLite::Database& database, std::string_view file) {
 absl::Status PrepareSchema(SQLite::Database& database, std::string_view file) {
   const int32_t application_id = ReadPragma(database, "application_id");
   const int32_t version = ReadPragma(database, "user_version");
-  const int table_count =
-      database.execAndGet("SELECT count(*) FROM sqlite_schema WHERE type='table'").getInt();
-  if (table_count == 0 && application_id == 0 && version == 0) {
+  const int object_count = database.execAndGet("SELECT count(*) FROM sqlite_schema").getInt();
+  if (object_count == 0 && application_id == 0 && version == 0) {
     CreateTables(database);
   } else if (application_id == kApplicationId && version >= kOldestVersion &&
              version < static_cast<int32_t>(kSchemaVersion)) {
+    RIGCAL_RETURN_IF_ERROR(CheckNothingElse(database, std::string(file), version));
     Migrate(database, version);
   }
   return CheckSchema(database, file);

@@ -44,6 +44,8 @@ struct UplinkOptions {
   std::chrono::milliseconds lowest_wait{200};
   std::chrono::milliseconds highest_wait{30'000};
   std::chrono::milliseconds refused_wait{30'000};
+  // While the server has no room for what is sent.
+  std::chrono::milliseconds longest_wait_for_room{5'000};
 
   PreviewOptions previews;
   LearningOptions learning;

@@ -203,7 +203,9 @@ Backoff::Duration Uplink::WaitAfter(const Conversation& conversation, const absl
                 message, options_.refused_wait.count());
     return options_.refused_wait;
   }
-  const Backoff::Duration wait = backoff_.Next();
+  Backoff::Duration wait = backoff_.Next();
+  // The server is there and has no room: it takes rows again as soon as it has.
+  if (absl::IsResourceExhausted(status)) wait %= options_.longest_wait_for_room;
   spdlog::log(is_news ? spdlog::level::warn : spdlog::level::debug, "{}; trying again in {} ms",
               message, std::chrono::duration_cast<std::chrono::milliseconds>(wait).count());
   return wait;

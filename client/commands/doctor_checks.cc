@@ -90,8 +90,10 @@ Check CheckDisk(const v1::StoreStatus& store) {
   }
   const std::string sizes = absl::StrCat(FormatBytes(store.free_bytes()), " free; the store (",
                                          store.kind(), ") takes ", FormatBytes(store.size_bytes()));
+  // Unused space of the store is filled before its files grow.
+  const uint64_t room = store.free_bytes() + store.unused_bytes();
   if (store.free_bytes() >= kWarnFreeBytes) return {CheckLevel::kOk, "disk", sizes};
-  const bool fails = store.free_bytes() < std::max(kFailFreeBytes, store.reserve_bytes());
+  const bool fails = room < std::max(kFailFreeBytes, store.reserve_bytes());
   return {fails ? CheckLevel::kFail : CheckLevel::kWarn, "disk", sizes,
           "make room on the server's disk, or delete old sessions: rigcal session delete"};
 }

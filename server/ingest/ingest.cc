@@ -234,7 +234,7 @@ void Ingest::ReportDeliveries(const IngestQueue::Group& group,
 void Ingest::ForgetDiskFullWhenThereIsRoom() {
   if (!disk_full()) return;
   const StoreHealth health = store_->Health();
-  if (health.free_bytes < health.reserve_bytes + kDiskHasRoomBytes) return;
+  if (health.room_bytes() < health.reserve_bytes + kDiskHasRoomBytes) return;
   const std::lock_guard lock(mutex_);
   spdlog::info("ingest: the disk has room again");
   disk_full_ = false;

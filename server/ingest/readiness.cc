@@ -18,11 +18,10 @@ absl::Status Readiness(const std::string& data_dir, const StoreHealth& store,
     problem = absl::StrCat("the data folder ", data_dir, " cannot be written: ", strerror(errno));
   }
   const bool disk_known = store.free_bytes > 0 || store.reserve_bytes > 0;
-  if (problem.empty() && disk_known && store.free_bytes < store.reserve_bytes) {
-    problem = absl::StrCat("the disk has ", store.free_bytes >> 20, " MiB left, and ",
+  if (problem.empty() && disk_known && store.room_bytes() < store.reserve_bytes) {
+    problem = absl::StrCat("the disk has ", store.room_bytes() >> 20, " MiB left, and ",
                            store.reserve_bytes >> 20,
-                           " MiB are its reserve; free space, or delete sessions and run "
-                           "`rigcal-server compact`");
+                           " MiB are its reserve; free space, or delete sessions");
   }
   return problem.empty() ? absl::OkStatus() : absl::UnavailableError(problem);
 }

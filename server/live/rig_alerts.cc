@@ -19,7 +19,7 @@ using Time = FollowedRig::Time;
 
 RigFacts FactsOf(const FollowedRig& rig, const StoreHealth& health) {
   RigFacts facts{.capturing = rig.capturing(),
-                 .disk_free_bytes = health.free_bytes,
+                 .disk_free_bytes = health.room_bytes(),
                  .disk_reserve_bytes = health.reserve_bytes,
                  .disk_known = health.free_bytes > 0 || health.reserve_bytes > 0,
                  .store_problem = health.problem};

@@ -25,10 +25,14 @@ struct StoreHealth {
   std::string kind;  // "sqlite"
   uint32_t schema_version = 0;
   uint64_t size_bytes = 0;
-  uint64_t unused_bytes = 0;   // part of it that holds nothing; Compact gives it back
-  uint64_t free_bytes = 0;     // on its disk
-  uint64_t reserve_bytes = 0;  // free space at which observations are refused
-  std::string problem = {};    // why nothing can be written any more; empty: healthy
+  uint64_t unused_bytes = 0;      // part of it that holds nothing; Compact gives it back
+  uint64_t free_bytes = 0;        // on its disk
+  uint64_t reserve_bytes = 0;     // free space at which observations are refused
+  std::string problem = {};       // why nothing can be written any more; empty: healthy
+  std::string read_problem = {};  // why something could not be read; what is written is safe
+
+  // For observations: unused space of the store is filled before its files grow.
+  uint64_t room_bytes() const { return free_bytes + unused_bytes; }
 };
 
 // Reads the observations of a session batch by batch, in the order of ReadObservations, and has one

@@ -179,8 +179,8 @@ class ServerOnFullDisk : public DiskFull {
     const auto reply = HttpConnection(http_port_).Get("/readyz");
     return reply.ok() ? reply->status : 0;
   }
-  // A session that was delivered by hand, with some megabytes of rows.
-  void MakeOldSession() {
+  // A session that was delivered by hand, with this number of rows of some 30 bytes.
+  void MakeOldSession(uint32_t rows = 30'000) {
     v1::CreateSessionRequest request = SessionRequest("old");
     CameraDescription camera;
     camera.camera = "by_hand";
@@ -189,10 +189,10 @@ class ServerOnFullDisk : public DiskFull {
     *request.add_cameras() = wire::ToProto(camera);
     ASSERT_THAT(client().CreateSession(request), IsOk());
     ASSERT_THAT(client().StartSession("old"), IsOk());
-    for (uint32_t first = 1; first < 30'000; first += 3000) {
+    for (uint32_t first = 1; first < rows; first += 3000) {
       ASSERT_THAT(client().Upload(ByHand(first, first + 2999)), IsOk());
     }
-    ASSERT_THAT(client().UploadEnd("old", "by_hand", 1, 30'000), IsOk());
+    ASSERT_THAT(client().UploadEnd("old", "by_hand", 1, rows), IsOk());
     ASSERT_THAT(client().WaitUntilFinished("old"), IsOk());
   }
   static ObservationBatch ByHand(uint32_t first_seq, uint32_t last_seq) {
@@ -200,13 +200,16 @@ class ServerOnFullDisk : public DiskFull {
     batch.stream = {"old", "by_hand", 1};
     batch.first_seq = first_seq;
     batch.marker_count = 3;
+    uint32_t noise = first_seq;
     for (uint32_t seq = first_seq; seq <= last_seq; ++seq) {
       Observation row;
       row.time_ns = int64_t{seq} * 1'000'000;
       row.markers.resize(3);
       for (MarkerObservation& marker : row.markers) {
         marker.visible = true;
-        marker.centre_px = {100.0 + seq % 900, 50};
+        // Nothing that can be compressed.
+        noise = noise * 1664525 + 1013904223;
+        marker.centre_px = {1e-5 * (noise >> 6), 1e-5 * (noise % (1 << 26))};
       }
       batch.Append(row);
     }
@@ -240,6 +243,22 @@ TEST_F(ServerOnFullDisk, IsNotReadyThoughNothingArrives) {
   EXPECT_EQ(HttpConnection(http_port_).Get("/healthz")->status, 200);
   server_->Free();
   EXPECT_EQ(Readiness(), 200);
+}
+
+// Somebody else's bytes keep the disk full: what is deleted makes room inside the database.
+TEST_F(ServerOnFullDisk, GoesOnWhenSessionsAreDeletedThoughTheDiskStaysFull) {
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_NO_FATAL_FAILURE(MakeOldSession(450'000));
+  Process agent({{"/bin/sh", "-c", "exec " + AgentCommand(directory_.path() / "agent")}, {}});
+  ASSERT_NO_FATAL_FAILURE(StartWave(agent));
+  ASSERT_NO_FATAL_FAILURE(server_->Fill(0));
+  ASSERT_TRUE(WaitFor([&] { return IngestHealth() == "NOT_SERVING"; }));
+  EXPECT_EQ(Readiness(), 503);
+  EXPECT_EQ(RunCommand({"rigcal", "session", "delete", "old", "--server", address_}).exit_code, 0);
+  EXPECT_TRUE(WaitFor([&] { return IngestHealth() == "SERVING" && Readiness() == 200; }))
+      << server_->process().StandardError();
+  EXPECT_LT(server_->FreeMb(), 16);
+  ExpectNothingLost(agent);
 }
 
 TEST_F(ServerOnFullDisk, ReadsDeletesAndGoesOnByItself) {

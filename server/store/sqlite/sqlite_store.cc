@@ -111,12 +111,14 @@ absl::StatusOr<int64_t> SqliteStore::ReadNumber(const char* pragma) const {
 
 absl::Status SqliteStore::CheckRoom() const {
   const std::optional<uint64_t> free_bytes = directory_->FreeBytes();
-  if (!free_bytes || *free_bytes >= options_.min_free_bytes) return absl::OkStatus();
+  // Deleting gives no space back to the disk, but into the database, where it is used again.
+  if (!free_bytes || *free_bytes + unused_bytes_ >= options_.min_free_bytes) {
+    return absl::OkStatus();
+  }
   return absl::ResourceExhaustedError(absl::StrCat(
       "no observations are stored: the disk of ", directory_->path().string(), " has ",
       Mebibytes(*free_bytes), " left, and ", Mebibytes(options_.min_free_bytes),
-      " are its reserve; free space, delete sessions and run `rigcal-server compact`, or lower ",
-      "limits.disk_reserve_mb"));
+      " are its reserve; free space, delete sessions, or lower ", "limits.disk_reserve_mb"));
 }
 
 absl::Status SqliteStore::ChangeSessions(std::string_view what,
@@ -198,14 +200,24 @@ absl::StatusOr<std::vector<AppendOutcome>> SqliteStore::Append(
     RIGCAL_RETURN_IF_ERROR(CheckRoom());
   }
   std::vector<AppendOutcome> outcomes;
-  RIGCAL_RETURN_IF_ERROR(writer_->Transact(
-      "storing observations",
-      [&] {
-        observations_->Append(deliveries, &outcomes);
-        NoteUnusedPages();
-        return absl::OkStatus();
-      },
-      [&] { observations_->Forget(); }));
+  const auto append = [&] {
+    outcomes.clear();
+    return writer_->Transact(
+        "storing observations",
+        [&] {
+          observations_->Append(deliveries, &outcomes);
+          NoteUnusedPages();
+          return absl::OkStatus();
+        },
+        [&] { observations_->Forget(); });
+  };
+  absl::Status status = append();
+  if (absl::IsResourceExhausted(status) && unused_bytes_ > 0) {
+    // The log is full, and not the database: emptied, it has room for the next.
+    RIGCAL_RETURN_IF_ERROR(writer_->CheckpointWithoutWaiting());
+    status = append();
+  }
+  RIGCAL_RETURN_IF_ERROR(status);
   return outcomes;
 }
 
@@ -285,8 +297,11 @@ absl::StatusOr<std::vector<Listed<Calibration>>> SqliteStore::ListCalibrations(
 
 absl::Status SqliteStore::DeleteCalibration(std::string_view id) {
   return EraseOnAnyDisk([&] {
-    return writer_->Transact(absl::StrCat("deleting calibration ", std::string(id)),
-                             [&] { return EraseCalibration(writer_->database(), id); });
+    return writer_->Transact(absl::StrCat("deleting calibration ", std::string(id)), [&] {
+      absl::Status status = EraseCalibration(writer_->database(), id);
+      NoteUnusedPages();
+      return status;
+    });
   });
 }
 

@@ -34,6 +34,19 @@ TEST_F(Readiness, NamesTheReserveOfTheDisk) {
   EXPECT_THAT(Of(), IsOk());
 }
 
+TEST_F(Readiness, UnusedSpaceOfTheStoreIsRoom) {
+  store_.free_bytes = 10 * kMiB;
+  store_.unused_bytes = 39 * kMiB;
+  EXPECT_THAT(Of(), StatusIs(absl::StatusCode::kUnavailable, HasSubstr("49 MiB left")));
+  store_.unused_bytes = 40 * kMiB;
+  EXPECT_THAT(Of(), IsOk());
+}
+
+TEST_F(Readiness, SaysThatSomethingCannotBeRead) {
+  store_.read_problem = "the store cannot be read";
+  EXPECT_THAT(Of(), StatusIs(absl::StatusCode::kUnavailable, HasSubstr("cannot be read")));
+}
+
 TEST_F(Readiness, NamesAFolderThatIsGone) {
   data_dir_ += "/gone";
   EXPECT_THAT(Of(), StatusIs(absl::StatusCode::kUnavailable, HasSubstr(data_dir_)));

@@ -31,6 +31,7 @@ using ::rigcal::testing::ReadRows;
 using ::rigcal::testing::StatusIs;
 using ::rigcal::testing::TemporaryDirectory;
 using ::testing::_;
+using ::testing::HasSubstr;
 
 constexpr int kCannotMount = 77;
 
@@ -54,6 +55,14 @@ absl::Status AppendRows(SqliteStore& store, const StreamKey& stream, uint32_t fi
                         uint32_t rows) {
   const Delivery delivery = MakeDelivery(MakeBatch(stream, first_seq, first_seq + rows - 1));
   return store.Append({&delivery, 1}).status();
+}
+
+void FillDisk(const std::string& path) {
+  const std::string bytes(4096, 'x');
+  const int file = open((path + "/filler").c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  while (write(file, bytes.data(), bytes.size()) > 0) {
+  }
+  close(file);
 }
 
 void FillDeleteAndGoOn(const std::string& path) {
@@ -90,18 +99,54 @@ void FillDeleteAndGoOn(const std::string& path) {
   stream.session_id = "other";
   EXPECT_THAT(AppendRows(*store, stream, 1, 2000), IsOk());
   EXPECT_EQ(ReadRows(*store, "other").size(), 2000u);
+
+  // What the disk has left is somebody else's now; what was deleted is enough, without compacting.
+  FillDisk(path);
+  EXPECT_LT(store->Health().free_bytes, 64u << 10);
+  uint32_t last = 2000;
+  for (status = absl::OkStatus(); status.ok(); last += 500) {
+    status = AppendRows(*store, stream, last + 1, 500);
+    if (!status.ok()) break;
+  }
+  EXPECT_THAT(status, StatusIs(absl::StatusCode::kResourceExhausted, _));
+  EXPECT_GT(last, next_seq * 7 / 10) << "most of the deleted rows' space is used again";
+  EXPECT_EQ(ReadRows(*store, "other").size(), last);
 }
 
-TEST(FullDisk, ReadsAndDeletesAndGoesOn) {
+// The reserve counts both what the disk has and what the database has.
+void GoOnWithUnusedPages(const std::string& path) {
+  SqliteStoreOptions options;
+  options.data_directory = path;
+  options.reserve_bytes = 0;
+  options.min_free_bytes = 3u << 20;
+  options.checkpoint_bytes = 256u << 10;
+  ASSERT_OK_AND_ASSIGN(auto store, SqliteStore::Open(options));
+  Session other = CapturingSession({"a"});
+  other.id = "other";
+  ASSERT_THAT(store->CreateSession(CapturingSession({"a"})), IsOk());
+  ASSERT_THAT(store->CreateSession(other), IsOk());
+  uint32_t next_seq = 1;
+  while (AppendRows(*store, KeyOf("a"), next_seq, 500).ok()) next_seq += 500;
+  StreamKey stream = KeyOf("a");
+  stream.session_id = "other";
+  EXPECT_THAT(AppendRows(*store, stream, 1, 500),
+              StatusIs(absl::StatusCode::kResourceExhausted, HasSubstr("reserve")));
+  ASSERT_THAT(store->DeleteSession("s-test"), IsOk());
+  EXPECT_LT(store->Health().free_bytes, options.min_free_bytes);
+  EXPECT_GE(store->Health().room_bytes(), options.min_free_bytes);
+  EXPECT_THAT(AppendRows(*store, stream, 1, 500), IsOk());
+}
+
+void OnSmallDisk(void (*work)(const std::string& path)) {
   const TemporaryDirectory directory;
   std::fflush(stdout);
   const pid_t child = fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
     if (!MountSmallDisk(directory.path().string())) _exit(kCannotMount);
-    FillDeleteAndGoOn(directory.path().string());
+    work(directory.path().string());
     std::fflush(stdout);
-    _exit(HasFailure() ? 1 : 0);
+    _exit(::testing::Test::HasFailure() ? 1 : 0);
   }
   int status = 0;
   ASSERT_EQ(waitpid(child, &status, 0), child);
@@ -111,6 +156,10 @@ TEST(FullDisk, ReadsAndDeletesAndGoesOn) {
   }
   EXPECT_EQ(WEXITSTATUS(status), 0) << "see the failures above";
 }
+
+TEST(FullDisk, ReadsAndDeletesAndGoesOn) { OnSmallDisk(FillDeleteAndGoOn); }
+
+TEST(FullDisk, UnusedPagesCountAsRoom) { OnSmallDisk(GoOnWithUnusedPages); }
 
 }  // namespace
 }  // namespace rigcal::server::full_disk_test

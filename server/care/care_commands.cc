@@ -106,6 +106,18 @@ std::string Megabytes(uint64_t bytes) {
   return absl::StrFormat("%.1f MB", static_cast<double>(bytes) / 1e6);
 }
 
+// What a database takes on the disk. Rows are in its log first; without that, moving them into the
+// database would look like growth.
+uint64_t SizeWithLog(const fs::path& file) {
+  uint64_t bytes = 0;
+  for (const char* part : {"", "-wal"}) {
+    std::error_code error;
+    const uintmax_t size = fs::file_size(file.string() + part, error);
+    if (!error) bytes += size;
+  }
+  return bytes;
+}
+
 }  // namespace
 
 CareCommands::CareCommands(CLI::App* app) {
@@ -200,14 +212,19 @@ int CareCommands::Compact(const std::string& data_directory) const {
   if (!fs::exists(file, error)) {
     return Fail(absl::NotFoundError(absl::StrCat("there is no database in ", data_directory)));
   }
-  const uint64_t before = fs::file_size(file, error);
+  const uint64_t before = SizeWithLog(file);
   const CareProgress progress = ProgressOf("compact");
   const absl::Status status = CompactHereOrThere(data_directory, server_, progress);
   std::error_code error;
   if (fs::exists(IdentityDirectory(data_directory) / "ca.key", error)) PrintIdentity(identity);
   if (!status.ok()) return Fail(status);
-  std::printf("%s: %s before, %s now\n", file.c_str(), Megabytes(before).c_str(),
-              Megabytes(fs::file_size(file, error)).c_str());
+  const uint64_t now = SizeWithLog(file);
+  if (now < before) {
+    std::printf("%s: freed %s, %s before, %s now\n", file.c_str(), Megabytes(before - now).c_str(),
+                Megabytes(before).c_str(), Megabytes(now).c_str());
+  } else {
+    std::printf("%s: there was nothing to free, %s\n", file.c_str(), Megabytes(now).c_str());
+  }
   return 0;
 }
 

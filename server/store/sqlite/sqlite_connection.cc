@@ -219,7 +219,11 @@ absl::Status SqliteWriter::Checkpoint() {
 absl::Status SqliteWriter::CheckpointWithoutWaiting() {
   const std::lock_guard lock(mutex_);
   RIGCAL_RETURN_IF_ERROR(problem());
-  return CheckpointLocked(SQLITE_CHECKPOINT_PASSIVE);
+  database_->setBusyTimeout(0);
+  const absl::Status status = CheckpointLocked(SQLITE_CHECKPOINT_TRUNCATE);
+  database_->setBusyTimeout(kBusyTimeoutMs);
+  // A reader uses the log: it is emptied another time.
+  return absl::IsUnavailable(status) ? absl::OkStatus() : status;
 }
 
 absl::Status SqliteWriter::problem() const {

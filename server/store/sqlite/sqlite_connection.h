@@ -114,7 +114,7 @@ class SqliteWriter {
   absl::Status RunAlone(std::string_view what, const std::function<void()>& work);
   // Moves everything from the log into the database and empties the log. Waits for readers.
   absl::Status Checkpoint();
-  // Moves what no reader needs, without waiting.
+  // Moves what no reader needs, without waiting, and empties the log where no reader uses it.
   absl::Status CheckpointWithoutWaiting();
   // OK, or the disk failure after which nothing is written. Never waits for a transaction.
   absl::Status problem() const;

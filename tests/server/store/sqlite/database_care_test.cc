@@ -313,6 +313,23 @@ TEST_F(DatabaseCare, CompactGivesTheSpaceBackWhileRowsArrive) {
   EXPECT_THAT(report.faults, ElementsAre());
 }
 
+// Else what the log holds would come on top of what the database has given back.
+TEST_F(DatabaseCare, CompactEmptiesTheLog) {
+  const fs::path log = File().string() + "-wal";
+  EXPECT_GT(fs::file_size(log), 0u);
+  const auto go_on = [](double) { return absl::OkStatus(); };
+  {
+    SQLite::Database reader(File().string(), SQLite::OPEN_READONLY);
+    reader.exec("BEGIN");
+    reader.execAndGet("SELECT count(*) FROM batch");
+    Append(MakeBatch(KeyOf("a"), 101, 200));
+    EXPECT_THAT(store().Compact(go_on), IsOk()) << "a reader keeps the log";
+    EXPECT_GT(fs::file_size(log), 0u);
+  }
+  EXPECT_THAT(store().Compact(go_on), IsOk());
+  EXPECT_EQ(fs::file_size(log), 0u);
+}
+
 TEST_F(DatabaseCare, CompactEndsWhenItIsTold) {
   EXPECT_THAT(store().Compact([](double) { return absl::CancelledError("gone"); }),
               StatusIs(absl::StatusCode::kCancelled, _));

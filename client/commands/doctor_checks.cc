@@ -86,7 +86,7 @@ Check CheckConnections(const v1::ConnectionStatus& connections) {
 Check CheckDisk(const v1::StoreStatus& store) {
   if (!store.problem().empty()) {
     return {CheckLevel::kFail, "disk", store.problem(),
-            "nothing is written any more; check the disk, then restart rigcal-server"};
+            "check the disk and the data (rigcal-server check), then restart rigcal-server"};
   }
   const std::string sizes = absl::StrCat(FormatBytes(store.free_bytes()), " free; the store (",
                                          store.kind(), ") takes ", FormatBytes(store.size_bytes()));

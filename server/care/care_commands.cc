@@ -203,6 +203,8 @@ int CareCommands::Restore(const std::string& data_directory) const {
     std::printf("the data before is in %s; remove it when you do not need it\n",
                 report->kept.c_str());
   }
+  std::error_code error;
+  if (fs::exists(IdentityDirectory(data_directory) / "ca.key", error)) PrintIdentity(identity);
   return 0;
 }
 
@@ -215,8 +217,6 @@ int CareCommands::Compact(const std::string& data_directory) const {
   const uint64_t before = SizeWithLog(file);
   const CareProgress progress = ProgressOf("compact");
   const absl::Status status = CompactHereOrThere(data_directory, server_, progress);
-  std::error_code error;
-  if (fs::exists(IdentityDirectory(data_directory) / "ca.key", error)) PrintIdentity(identity);
   if (!status.ok()) return Fail(status);
   const uint64_t now = SizeWithLog(file);
   if (now < before) {

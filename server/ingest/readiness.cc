@@ -13,6 +13,7 @@ namespace rigcal::server {
 absl::Status Readiness(const std::string& data_dir, const StoreHealth& store,
                        const IngestStats& ingest) {
   std::string problem = store.problem;
+  if (problem.empty()) problem = store.read_problem;
   if (problem.empty()) problem = ingest.problem;
   if (problem.empty() && access(data_dir.c_str(), W_OK) != 0) {
     problem = absl::StrCat("the data folder ", data_dir, " cannot be written: ", strerror(errno));

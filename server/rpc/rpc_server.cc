@@ -194,7 +194,8 @@ void RpcServer::ReportHealth() {
   health_.PostAt(std::chrono::steady_clock::now() + options_.health_interval,
                  [this] { ReportHealth(); });
   FollowIdentity();
-  std::string problem = parts_.store->Health().problem;
+  const StoreHealth store = parts_.store->Health();
+  std::string problem = store.problem;
   // A write of a session or a calibration can find that the disk has failed, before ingest does.
   const bool store_serves = problem.empty();
   if (store_serves_ && !store_serves) {
@@ -202,7 +203,8 @@ void RpcServer::ReportHealth() {
       server_->GetHealthCheckService()->SetServingStatus(service, false);
     }
   }
-  const bool hears = !listener_.IsDeaf();
+  // What cannot be read stops no observations, but somebody must look.
+  const bool hears = !listener_.IsDeaf() && store.read_problem.empty();
   if ((hears && store_serves) != (hears_ && store_serves_)) {
     server_->GetHealthCheckService()->SetServingStatus("", hears && store_serves);
   }

@@ -65,7 +65,7 @@ class StatusService final : public v1::StatusService::Service {
       store->set_schema_version(health.schema_version);
       store->set_size_bytes(health.size_bytes);
       store->set_free_bytes(health.free_bytes);
-      store->set_problem(health.problem);
+      store->set_problem(health.problem.empty() ? health.read_problem : health.problem);
       store->set_unused_bytes(health.unused_bytes);
       store->set_reserve_bytes(health.reserve_bytes);
       if (parts_.retention != nullptr && parts_.retention->enabled()) {

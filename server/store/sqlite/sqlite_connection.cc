@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/sqlite/sqlite_connection.h"
 
+#include <spdlog/spdlog.h>
 #include <sqlite3.h>
 
 #include <exception>
 #include <limits>
-
 #include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 
@@ -22,8 +23,8 @@ int RememberLogPages(void* log_pages, sqlite3*, const char*, int pages) {
 }
 
 void ConfigureConnection(SQLite::Database& database) {
-  database.setBusyTimeout(kBusyTimeoutMs);
   DistrustSchema(database);
+  database.setBusyTimeout(kBusyTimeoutMs);
   database.exec(
       "PRAGMA mmap_size=0;"
       "PRAGMA cell_size_check=ON;"
@@ -46,7 +47,6 @@ bool IsDiskFailure(const SQLite::Exception& error) {
 
 }  // namespace
 
-absl::Status StatusFromSqlite(const SQLite::Exception& error, std::string_view what) {
 void DistrustSchema(SQLite::Database& database) {
   // We have neither triggers nor views; foreign keys work without.
   for (const auto& [option, on] : {std::pair{SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0},
@@ -57,6 +57,7 @@ void DistrustSchema(SQLite::Database& database) {
   }
 }
 
+absl::Status StatusFromSqlite(const SQLite::Exception& error, std::string_view what) {
   const std::string reason = absl::StrCat(std::string(what), ": ", error.what(), " (SQLite error ",
                                           error.getExtendedErrorCode(), ")");
   if (IsDiskFull(error)) {
@@ -258,6 +259,23 @@ absl::Status SqliteWriter::NoteFailure(const SQLite::Exception& error, std::stri
       absl::StrCat(std::string(status.message()),
                    "; nothing is stored any more: check the disk, then restart the server"));
   return broken_;
+}
+
+std::string SqliteReader::problem() const {
+  const std::lock_guard lock(problem_mutex_);
+  return problem_;
+}
+
+absl::Status SqliteReader::NoteFailure(const SQLite::Exception& error, std::string_view what) {
+  absl::Status status = StatusFromSqlite(error, what);
+  if (!IsDiskFailure(error) && !absl::IsDataLoss(status)) return status;
+  const std::lock_guard lock(problem_mutex_);
+  if (problem_.empty()) {
+    problem_ = absl::StrCat("the store cannot be read: ", std::string(status.message()),
+                            "; check the disk, and run `rigcal-server check`");
+    spdlog::error("{}", problem_);
+  }
+  return status;
 }
 
 absl::StatusOr<std::unique_ptr<SqliteReader>> SqliteReader::Open(const std::filesystem::path& file,

@@ -156,13 +156,20 @@ class SqliteReader {
       transaction.commit();
       return result;
     } catch (const SQLite::Exception& error) {
-      return StatusFromSqlite(error, what);
+      return NoteFailure(error, what);
     }
   }
+  // Why reading has failed before: the disk does not give back what is on it, or the file is
+  // damaged. Stays until the store is opened again: another read may find its data in memory. Never
+  // waits for a reader.
+  std::string problem() const;
 
  private:
   SqliteReader() = default;
+  absl::Status NoteFailure(const SQLite::Exception& error, std::string_view what);
 
+  mutable std::mutex problem_mutex_;  // taken after mutex_
+  std::string problem_;
   std::mutex mutex_;
   std::unique_ptr<SQLite::Database> database_;
 };

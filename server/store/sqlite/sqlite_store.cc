@@ -92,6 +92,7 @@ StoreHealth SqliteStore::Health() const {
   health.free_bytes = directory_->FreeBytes().value_or(0);
   health.reserve_bytes = options_.min_free_bytes;
   health.problem = std::string(writer_->problem().message());
+  health.read_problem = reader_->problem();
   health.unused_bytes = unused_bytes_;
   return health;
 }

@@ -107,5 +107,25 @@ TEST_F(IoError, AFailedReadIsAnErrorAndNoCrash) {
   }
 }
 
+TEST_F(IoError, AFailedReadShowsInTheHealth) {
+  const TemporaryDirectory directory;
+  const SqliteStoreOptions options{
+      .data_directory = directory.path(), .reserve_bytes = 0, .vfs = vfs_.name()};
+  {
+    ASSERT_OK_AND_ASSIGN(const auto store, SqliteStore::Open(options));
+    StoreWork(store.get()).Run();
+  }
+  ASSERT_OK_AND_ASSIGN(const auto store, SqliteStore::Open(options));
+  EXPECT_EQ(store->Health().read_problem, "");
+  vfs_.SetReadsFail(true);
+  vfs_.FailAt(1, SQLITE_IOERR_READ, /*lasting=*/true);
+  EXPECT_THAT(store->ListSessions({}, {.limit = 5}), StatusIs(absl::StatusCode::kInternal, _));
+  vfs_.Heal();
+  // Also when the next read finds what it needs in memory.
+  EXPECT_THAT(store->ListSessions({}, {.limit = 5}), IsOk());
+  EXPECT_THAT(store->Health().read_problem, HasSubstr("cannot be read"));
+  EXPECT_EQ(store->Health().problem, "") << "what is written is safe";
+}
+
 }  // namespace
 }  // namespace rigcal::server::io_error_test

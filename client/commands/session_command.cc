@@ -166,14 +166,21 @@ ExitCode VerifySessionStreams(const std::string& id, CommandContext& context) {
   request.set_id(id);
   request.set_audit(true);
   const auto response = server.Call(&SessionStub::GetSession, request, kAuditTimeout);
+  if (absl::IsDataLoss(response.status())) {
+    context.Fail(response.status());
+    return ExitCode::kNotVerified;
+  }
   if (!response.ok()) return context.Fail(response.status());
-  const SessionVerification verification = VerifySession(*response);
+  // It only helps to say where something is.
+  const auto agents = ReadAllPages(server, &v1::AgentService::Stub::ListAgents, ListOptions{});
+  const SessionVerification verification =
+      VerifySession(*response, agents.ok() ? *agents : v1::ListAgentsResponse());
   if (context.console.format == OutputFormat::kJson) {
     context.console.out << VerificationJson(verification) << "\n" << std::flush;
   } else {
     context.console.out << FormatVerification(verification) << std::flush;
   }
-  return verification.holds() ? ExitCode::kOk : ExitCode::kObservationsMissing;
+  return verification.holds() ? ExitCode::kOk : ExitCode::kNotVerified;
 }
 
 ExitCode DeleteSession(const std::string& id, CommandContext& context) {

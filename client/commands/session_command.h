@@ -62,8 +62,10 @@ ExitCode ResumeSession(const SessionResumeOptions& options, CommandContext& cont
 // nobody reads any more.
 ExitCode WatchSession(const std::string& id, CommandContext& context);
 
-// Prints for every stream where its observations are: detected = durable + spooled + dropped.
-// kObservationsMissing where that does not hold; stream and numbers are named.
+// Reads every stored row of the session at the server, and prints for every stream where its
+// observations are: detected = durable and readable + damaged + spooled + dropped. kNotVerified
+// where that does not hold, something is damaged, or a stream has not ended; which rows, where they
+// are and what to do is said.
 ExitCode VerifySessionStreams(const std::string& id, CommandContext& context);
 
 struct SessionObservationsOptions {

@@ -134,8 +134,8 @@ void AddSessionCommands(CommandParser& parser) {
   AddIdCommand(parser, group, "get", "One session with its cameras and what was refused",
                GetSession);
   AddIdCommand(parser, group, "verify",
-               "Prove for every stream that detected = durable + spooled + dropped, or fail (exit "
-               "code 5)",
+               "Prove that everything detected is on the server and can be read, or was counted as "
+               "dropped; else say which rows are where (exit code 5)",
                VerifySessionStreams);
   AddIdCommand(parser, group, "delete", "Remove a session and its observations", DeleteSession);
   AddDiscard(parser, group);

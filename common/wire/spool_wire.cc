@@ -27,6 +27,15 @@ void WriteDrops(const std::vector<Refusal>& dropped, RefusalCounts* proto) {
   for (const Refusal& refusal : dropped) *proto->Add() = ToProto(refusal);
 }
 
+void WriteRanges(const std::vector<StreamAudit::Range>& ranges,
+                 google::protobuf::RepeatedPtrField<v1::SeqRange>* proto) {
+  for (const StreamAudit::Range& range : ranges) {
+    v1::SeqRange* const added = proto->Add();
+    added->set_first_seq(range.first_seq);
+    added->set_count(range.count);
+  }
+}
+
 absl::StatusOr<std::vector<Refusal>> ReadDrops(const RefusalCounts& proto,
                                                absl::string_view field) {
   if (proto.size() > kMaxDropReasons) {
@@ -91,6 +100,12 @@ v1::StreamAudit ToProto(const StreamAudit& audit) {
   proto.set_ended(audit.last_seq && audit.durable_seq >= *audit.last_seq);
   proto.set_highest_seq(audit.highest_seq);
   proto.set_stored_count(audit.stored_count);
+  proto.set_late_count(audit.late_count);
+  proto.set_damaged_count(audit.damaged_count);
+  WriteRanges(audit.damaged, proto.mutable_damaged());
+  proto.set_damage(audit.damage.substr(0, kMaxSpoolText));
+  proto.set_absent_count(audit.absent_count);
+  WriteRanges(audit.absent, proto.mutable_absent());
   WriteDrops(audit.dropped, proto.mutable_dropped());
   if (audit.reported) *proto.mutable_reported() = ToProto(*audit.reported);
   return proto;

@@ -22,6 +22,7 @@
 #include "common/wire/calibration_wire.h"
 #include "server/jobs/worker_process.h"
 #include "server/session/calibration_input.h"
+#include "server/session/incomplete_session.h"
 #include "server/worker/solve_input.h"
 #include "server/worker/worker.h"
 #include "server/worker/worker_limits.h"
@@ -78,6 +79,7 @@ struct PreparedInput {
   ScratchFile file;
   uint64_t row_count = 0;
   uint64_t marker_count = 0;  // see MarkersInMemory
+  std::vector<RowShare> shares;
 };
 
 absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOptions& options,
@@ -90,7 +92,7 @@ absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOpti
     plan.target = task.parent->result->target.given;
   }
   RIGCAL_ASSIGN_OR_RETURN(ScratchFile file, ScratchFile::Create(options.scratch_dir));
-  PreparedInput input{std::move(file), 0, MarkersInMemory(plan)};
+  PreparedInput input{std::move(file), 0, MarkersInMemory(plan), {}};
   SolveInputWriter writer(input.file.descriptor());
   const auto note = [&options](const absl::Status& status) {
     if (status.ok()) return status;
@@ -101,7 +103,7 @@ absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOpti
   RIGCAL_RETURN_IF_ERROR(note(
       writer.Begin(plan.target, task.options, plan.tracks, plan.row_limits, plan.other_targets,
                    task.parent)));
-  RIGCAL_RETURN_IF_ERROR(ReadCalibrationRows(task.store, plan, task.max_observations, cancelled,
+  RIGCAL_RETURN_IF_ERROR(ReadCalibrationRows(task.store, &plan, task.max_observations, cancelled,
                                              refused,
                                              [&](size_t track, const ObservationBatch& batch) {
                                                input.row_count += batch.rows();
@@ -111,6 +113,7 @@ absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOpti
   if (lseek(input.file.descriptor(), 0, SEEK_SET) != 0) {
     return absl::UnavailableError(absl::StrCat("the scratch file: ", strerror(errno)));
   }
+  input.shares = std::move(plan.shares);
   return input;
 }
 
@@ -254,8 +257,13 @@ SolveFunction SolveInWorker(WorkerOptions options) {
         {absl::StrCat("--parent=", getpid()), absl::StrCat("--memory=", memory_bytes)},
         input->file.descriptor());
     if (!process.ok()) return CalibrationOutcome{process.status(), refused.List()};
-    return Solve(*std::move(process), options, hooks, memory_bytes, input->row_count)
-        .Run(refused.List());
+    CalibrationOutcome outcome =
+        Solve(*std::move(process), options, hooks, memory_bytes, input->row_count)
+            .Run(refused.List());
+    if (outcome.result.ok()) {
+      NoteIncompleteSessions(input->shares, task.options, &*outcome.result);
+    }
+    return outcome;
   };
 }
 

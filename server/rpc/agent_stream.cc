@@ -263,6 +263,9 @@ void AgentStream::Deliver(absl::StatusOr<Delivery> delivery) {
       !status.ok()) {
     return Refuse(status);
   }
+  if (delivery->report && delivery->report->spool) {
+    environment_.coordinator->RecordStreamReport(stream, *delivery->report->spool);
+  }
   delivery_ = *std::move(delivery);
   Submit();
 }

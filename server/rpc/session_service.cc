@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <atomic>
 #include <functional>
 #include <string>
 #include <utility>
@@ -24,6 +25,23 @@ constexpr size_t kMaxAuditedBytes = (size_t{4} << 20) - (64 << 10);
 constexpr int64_t kMaxAgeS = int64_t{100} * 366 * 86400;
 constexpr FilterField kSessionFilterFields[] = {{"rig"}, {"state"}};
 constexpr ListFields kSessionFields = {.filter = kSessionFilterFields};
+
+// Each reads a whole session on a thread of the calls.
+constexpr int kMaxAudits = 4;
+
+// One of the audits at a time.
+class RunningAudit {
+ public:
+  explicit RunningAudit(std::atomic<int>* count) : count_(*count), number_(++count_) {}
+  ~RunningAudit() { --count_; }
+  RunningAudit(const RunningAudit&) = delete;
+  RunningAudit& operator=(const RunningAudit&) = delete;
+  int number() const { return number_; }
+
+ private:
+  std::atomic<int>& count_;
+  const int number_;
+};
 
 class SessionService final
     : public v1::SessionService::WithCallbackMethod_WatchSession<
@@ -156,8 +174,15 @@ class SessionService final
 
  private:
   absl::Status Audit(const Session& session, v1::GetSessionResponse* response) const {
+    const RunningAudit running(&running_audits_);
+    if (running.number() > kMaxAudits) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat(kMaxAudits, " sessions are read for their audit now; try again later"));
+    }
     RIGCAL_ASSIGN_OR_RETURN(std::vector<StreamAudit> audits, store_.AuditStreams(session.id));
     for (StreamAudit& audit : audits) {
+      // Of an agent's words the last ones count, whether or not they are stored yet.
+      if (auto report = directory_.StreamReport(audit.stream)) audit.reported = std::move(report);
       const SessionCamera* const camera = session.FindCamera(audit.stream.camera);
       if (camera != nullptr) audit.agent_id = camera->agent_id;
       audit.holder = directory_.HolderOf(audit.agent_id, audit.stream);
@@ -179,6 +204,7 @@ class SessionService final
     return absl::OkStatus();
   }
 
+  mutable std::atomic<int> running_audits_ = 0;
   SessionCoordinator& coordinator_;
   const AgentDirectory& directory_;
   Store& store_;

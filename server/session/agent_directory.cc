@@ -220,6 +220,25 @@ void AgentDirectory::SetSpool(Registration registration, SpoolStatus status) {
   }
 }
 
+void AgentDirectory::SetStreamReport(const StreamKey& stream, SpoolReport report) {
+  std::lock_guard lock(mutex_);
+  const bool is_full = stream_reports_.size() >= options_.max_stream_reports;
+  if (is_full && !stream_reports_.contains(stream)) return;
+  stream_reports_.insert_or_assign(stream, std::move(report));
+}
+
+std::optional<SpoolReport> AgentDirectory::StreamReport(const StreamKey& stream) const {
+  std::lock_guard lock(mutex_);
+  const auto found = stream_reports_.find(stream);
+  if (found == stream_reports_.end()) return std::nullopt;
+  return found->second;
+}
+
+void AgentDirectory::ForgetStreamReport(const StreamKey& stream) {
+  std::lock_guard lock(mutex_);
+  stream_reports_.erase(stream);
+}
+
 StreamHolder AgentDirectory::HolderOf(std::string_view agent_id, const StreamKey& stream) const {
   if (agent_id.empty()) return StreamHolder::kNone;
   std::lock_guard lock(mutex_);

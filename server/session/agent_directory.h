@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,6 +28,8 @@ struct AgentDirectoryOptions {
   size_t max_remembered_agents = 256;
   // An agent that was heard within this time is there. Agents report every 10 s.
   std::chrono::milliseconds alive_for{25'000};
+  // Streams whose last report is kept in memory.
+  size_t max_stream_reports = 4096;
   std::function<int64_t()> utc_now_ns = {};  // unset: the system's clock
   std::function<std::chrono::steady_clock::time_point()> now = std::chrono::steady_clock::now;
 };
@@ -70,6 +73,12 @@ class AgentDirectory {
   size_t ConnectedCount() const;
   // A sign of life. Of a registration that is not current any more: nothing happens.
   void SetSpool(Registration registration, SpoolStatus status);
+  // What the agent of a stream last said about it: kept in memory, as it arrives, because a store
+  // that is slow or full has an older one. Of at most AgentDirectoryOptions::max_stream_reports.
+  void SetStreamReport(const StreamKey& stream, SpoolReport report);
+  std::optional<SpoolReport> StreamReport(const StreamKey& stream) const;
+  // The stream has ended, or is gone.
+  void ForgetStreamReport(const StreamKey& stream);
   // kNone for an empty `agent_id`.
   StreamHolder HolderOf(std::string_view agent_id, const StreamKey& stream) const;
 
@@ -91,6 +100,7 @@ class AgentDirectory {
   const AgentDirectoryOptions options_;
   mutable std::mutex mutex_;
   std::map<std::string, Entry, std::less<>> by_agent_id_;
+  std::map<StreamKey, SpoolReport> stream_reports_;
   Registration last_registration_ = 0;
   size_t connected_count_ = 0;
   bool closed_ = false;

@@ -89,9 +89,9 @@ absl::StatusOr<CalibrationPlan> PlanCalibration(const Store& store,
     }
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<SessionCameraCounts> counts,
                             store.GetSessionCounts(id));
-    std::map<std::string_view, uint64_t> rows;
+    std::map<std::string_view, const SessionCameraCounts*> by_camera;
     for (const SessionCameraCounts& camera : counts) {
-      rows[camera.camera] = camera.observation_count;
+      by_camera[camera.camera] = &camera;
       for (Refusal refusal : camera.refused) {
         // Counted below, as they are met.
         if (refusal.reason == RefusalReason::kDamagedRecord) continue;
@@ -100,7 +100,10 @@ absl::StatusOr<CalibrationPlan> PlanCalibration(const Store& store,
       }
     }
     for (auto& [camera, track] : tracks) {
-      plan.row_limits.push_back(rows[camera]);
+      const auto found = by_camera.find(camera);
+      const SessionCameraCounts* const known = found == by_camera.end() ? nullptr : found->second;
+      plan.row_limits.push_back(known == nullptr ? 0 : known->observation_count);
+      plan.shares.emplace_back(id, camera, known);
       plan.tracks.push_back(std::move(track));
     }
   }
@@ -108,18 +111,20 @@ absl::StatusOr<CalibrationPlan> PlanCalibration(const Store& store,
 }
 
 absl::Status ReadCalibrationRows(
-    const Store& store, const CalibrationPlan& plan, size_t max_observations,
+    const Store& store, CalibrationPlan* plan, size_t max_observations,
     const std::atomic<bool>& cancelled, RefusalCounter* refused,
     const std::function<absl::Status(size_t track, const ObservationBatch& batch)>& visit) {
   std::map<std::pair<std::string_view, std::string_view>, size_t> tracks;
-  for (size_t t = 0; t < plan.tracks.size(); ++t) {
-    tracks[{plan.tracks[t].session_id, plan.tracks[t].camera.camera}] = t;
+  for (size_t t = 0; t < plan->tracks.size(); ++t) {
+    tracks[{plan->tracks[t].session_id, plan->tracks[t].camera.camera}] = t;
   }
   size_t observation_count = 0;
-  for (const std::string& id : plan.session_ids) {
+  for (const std::string& id : plan->session_ids) {
     const auto take = [&](StoredBatch stored) -> absl::Status {
       if (cancelled) return absl::CancelledError("cancelled");
       const std::string camera = stored.batch.stream.camera;
+      const auto track = tracks.find({id, camera});
+      if (track != tracks.end()) plan->shares[track->second].Add(stored);
       if (stored.damaged_rows > 0) {
         refused->Add(camera, RefusalReason::kDamagedRecord, stored.damaged_rows, stored.damage);
         return absl::OkStatus();
@@ -129,7 +134,6 @@ absl::Status ReadCalibrationRows(
                      absl::StrCat("arrived after session '", id, "' was finished"));
         return absl::OkStatus();
       }
-      const auto track = tracks.find({id, camera});
       if (track == tracks.end()) {
         return absl::DataLossError(absl::StrCat("session '", id, "' holds observations of camera '",
                                                 camera, "', which it does not have"));
@@ -151,19 +155,18 @@ absl::Status ReadCalibrationRows(
   return absl::OkStatus();
 }
 
-absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
-                                                      absl::Span<const std::string> session_ids,
-                                                      size_t max_observations,
-                                                      const std::atomic<bool>& cancelled,
-                                                      RefusalCounter* refused) {
+absl::StatusOr<CalibrationInput> ReadCalibrationInput(
+    const Store& store, absl::Span<const std::string> session_ids, size_t max_observations,
+    const std::atomic<bool>& cancelled, RefusalCounter* refused, std::vector<RowShare>* shares) {
   RIGCAL_ASSIGN_OR_RETURN(CalibrationPlan plan, PlanCalibration(store, session_ids, refused));
   std::vector<CameraTrack> tracks = plan.tracks;
   RIGCAL_RETURN_IF_ERROR(
-      ReadCalibrationRows(store, plan, max_observations, cancelled, refused,
+      ReadCalibrationRows(store, &plan, max_observations, cancelled, refused,
                           [&tracks](size_t track, const ObservationBatch& batch) {
                             AddRows(batch, &tracks[track]);
                             return absl::OkStatus();
                           }));
+  if (shares != nullptr) *shares = std::move(plan.shares);
   return CalibrationInput{plan.target, std::move(tracks), refused->List(), plan.other_targets};
 }
 

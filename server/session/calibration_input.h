@@ -15,6 +15,7 @@
 #include "common/session/observation_batch.h"
 #include "common/session/session.h"
 #include "common/status/refusal.h"
+#include "server/session/incomplete_session.h"
 #include "server/solve/calibrate.h"
 #include "server/store/store.h"
 
@@ -32,6 +33,7 @@ struct CalibrationPlan {
   std::map<std::string, Target> other_targets;  // by session
   std::vector<CameraTrack> tracks;              // by session, then by camera; no rows yet
   std::vector<uint64_t> row_limits;             // by track: upper limit of the rows to come
+  std::vector<RowShare> shares;                 // by track: nothing is counted yet
 };
 
 // `refused` gets what agents and ingest refused; damaged rows are counted when they are read. The
@@ -42,20 +44,21 @@ absl::StatusOr<CalibrationPlan> PlanCalibration(const Store& store,
 
 // Reads the rows of a plan, batch by batch: `visit` gets the index of the track and what was
 // neither refused nor late. `refused` gets late rows as RefusalReason::kLate and damaged ones as
-// kDamagedRecord; also when reading fails.
+// kDamagedRecord; also when reading fails. The plan's shares get what was read.
 //   CANCELLED           `cancelled` has become true
 //   RESOURCE_EXHAUSTED  more than `max_observations`
 // and the errors of the store and of `visit`.
 absl::Status ReadCalibrationRows(
-    const Store& store, const CalibrationPlan& plan, size_t max_observations,
+    const Store& store, CalibrationPlan* plan, size_t max_observations,
     const std::atomic<bool>& cancelled, RefusalCounter* refused,
     const std::function<absl::Status(size_t track, const ObservationBatch& batch)>& visit);
 
-// The observations of the sessions as input of the solver, in memory.
+// The observations of the sessions as input of the solver, in memory. `shares`: null for none.
 absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
                                                       absl::Span<const std::string> session_ids,
                                                       size_t max_observations,
                                                       const std::atomic<bool>& cancelled,
-                                                      RefusalCounter* refused);
+                                                      RefusalCounter* refused,
+                                                      std::vector<RowShare>* shares = nullptr);
 
 }  // namespace rigcal::server

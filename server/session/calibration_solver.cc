@@ -17,13 +17,16 @@ CalibrationOutcome CannotRead(const absl::Status& status, const RefusalCounter& 
 SolveFunction SolveInProcess(CalibrateFunction calibrate) {
   return [calibrate = std::move(calibrate)](const SolveTask& task, const CalibrationHooks& hooks) {
     RefusalCounter refused;
+    std::vector<RowShare> shares;
     absl::StatusOr<CalibrationInput> input = ReadCalibrationInput(
-        task.store, task.session_ids, task.max_observations, *hooks.cancelled, &refused);
+        task.store, task.session_ids, task.max_observations, *hooks.cancelled, &refused, &shares);
     if (!input.ok()) return CannotRead(input.status(), refused);
     if (task.parent != nullptr) input->parent = task.parent->result;
     // Without sessions there is no target of theirs.
     if (task.session_ids.empty() && input->parent) input->target = input->parent->target.given;
-    return calibrate(*input, task.options, hooks);
+    CalibrationOutcome outcome = calibrate(*input, task.options, hooks);
+    if (outcome.result.ok()) NoteIncompleteSessions(shares, task.options, &*outcome.result);
+    return outcome;
   };
 }
 

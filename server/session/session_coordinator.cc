@@ -285,6 +285,7 @@ void SessionCoordinator::DisconnectAgent(AgentDirectory::Registration registrati
 }
 
 void SessionCoordinator::RecordProgress(const StreamKey& stream, const AppendOutcome& outcome) {
+  if (outcome.complete || outcome.unknown) directory_->ForgetStreamReport(stream);
   if (outcome.complete) PostFinishCheck(stream.session_id);
   // It was away when the session was stopped, and came back after its end.
   if (outcome.late && !outcome.complete) sender_.SendLateStop(stream);

@@ -112,6 +112,10 @@ class SessionCoordinator {
   void RecordSpool(AgentDirectory::Registration registration, SpoolStatus status) {
     directory_->SetSpool(registration, std::move(status));
   }
+  // What it says about one stream. Never blocks on the disk.
+  void RecordStreamReport(const StreamKey& stream, SpoolReport report) {
+    directory_->SetStreamReport(stream, std::move(report));
+  }
   // Never blocks on the disk.
   void DisconnectAgent(AgentDirectory::Registration registration);
 

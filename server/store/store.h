@@ -89,8 +89,9 @@ class Store {
       absl::Span<const Delivery> deliveries) = 0;
   // 0 for a stream that has nothing yet. NOT_FOUND: no such session, or no such camera in it.
   virtual absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const = 0;
-  // Every stream of the session, by camera and stream epoch, with its stored rows counted one batch
-  // after the other. Agent and holder are not filled in.
+  // Every stream of the session, by camera and stream epoch, with its stored rows read and their
+  // checksums verified, in pieces between which others read. Damaged rows are noted as by
+  // ReadObservations. Agent and holder are not filled in.
   virtual absl::StatusOr<std::vector<StreamAudit>> AuditStreams(std::string_view id) const = 0;
   // Calls `visit` for every stored batch of the session in the order (camera, stream_epoch, seq);
   // stops at the first error and returns it. Empty `camera`: all. `visit` may take its time and may

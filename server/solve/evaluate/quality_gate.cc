@@ -147,6 +147,8 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
     case FindingKind::kClockFoundByMotion:
     case FindingKind::kRestarted:
     case FindingKind::kNotEvaluated:
+    // Graded by who reads the rows.
+    case FindingKind::kIncompleteSession:
     case FindingKind::kUnspecified:
       return {};
   }

@@ -32,9 +32,15 @@ absl::StatusOr<std::vector<SessionCameraCounts>> ReadSessionCounts(SQLite::Datab
 // Of one camera, by stream epoch.
 std::vector<StreamStatus> ReadStreams(SQLite::Database& database, int64_t camera_id);
 
-// As Store::AuditStreams.
-absl::StatusOr<std::vector<StreamAudit>> ReadStreamAudits(SQLite::Database& database,
-                                                          std::string_view id);
+// A stream as it is when its rows begin to be read.
+struct AuditedStream {
+  StreamAudit audit;                        // without its rows
+  std::vector<StreamAudit::Range> dropped;  // in any order
+  uint32_t last_first_seq = 0;              // of its batches
+};
+// In the order of ReadObservations.
+absl::StatusOr<std::vector<AuditedStream>> ListAuditedStreams(SQLite::Database& database,
+                                                              std::string_view id);
 
 // NOT_FOUND: "no session s-000001".
 absl::StatusOr<int64_t> SessionNumber(SQLite::Database& database, std::string_view id);

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "server/store/row_account.h"
 #include "server/store/sqlite/activation_table.h"
 #include "server/store/sqlite/calibration_table.h"
 #include "server/store/sqlite/damage_note.h"
@@ -229,8 +230,30 @@ absl::StatusOr<StreamStatus> SqliteStore::GetStream(const StreamKey& stream) con
 }
 
 absl::StatusOr<std::vector<StreamAudit>> SqliteStore::AuditStreams(std::string_view id) const {
-  return reader_->Read("counting stored rows",
-                       [&](SQLite::Database& database) { return ReadStreamAudits(database, id); });
+  RIGCAL_ASSIGN_OR_RETURN(std::vector<AuditedStream> streams,
+                          reader_->Read("counting stored rows", [&](SQLite::Database& database) {
+                            return ListAuditedStreams(database, id);
+                          }));
+  std::vector<RowAccount> accounts;
+  for (AuditedStream& stream : streams) {
+    accounts.emplace_back(stream.audit, stream.dropped, stream.last_first_seq);
+  }
+  // Both are in the same order; a stream that began meanwhile is in the rows only.
+  size_t current = 0;
+  RIGCAL_RETURN_IF_ERROR(ReadObservations(id, "", [&](const StoredBatch& stored) {
+    const StreamKey& key = stored.batch.stream;
+    const size_t from = current;
+    while (current < streams.size() && streams[current].audit.stream != key) ++current;
+    if (current == streams.size()) {
+      current = from;
+    } else {
+      accounts[current].Add(stored);
+    }
+    return absl::OkStatus();
+  }));
+  std::vector<StreamAudit> audits;
+  for (RowAccount& account : accounts) audits.push_back(std::move(account).Close());
+  return audits;
 }
 
 absl::Status SqliteStore::ReadObservations(

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,29 +13,32 @@
 namespace rigcal::server {
 namespace {
 
-void CountStoredRows(SQLite::Database& database, int64_t stream_id, StreamAudit* audit) {
-  SQLite::Statement query =
-      Query(database,
-            "SELECT coalesce(sum(row_count), 0), coalesce(max((id & 0xffffffff) + row_count), 1) "
-            "FROM batch WHERE id BETWEEN ?1<<32 AND (?1<<32)+0xffffffff",
-            stream_id);
-  if (!query.executeStep()) return;
-  audit->stored_count = ColumnUint64(query, 0);
-  audit->highest_seq = std::max(audit->highest_seq, ColumnUint32(query, 1) - 1);
+// The first number of the last batch. Where a page on the way to it is damaged: no limit.
+uint32_t LastFirstSeq(SQLite::Database& database, int64_t stream_id) {
+  try {
+    SQLite::Statement query =
+        Query(database,
+              "SELECT id & 0xffffffff FROM batch "
+              "WHERE id BETWEEN ?1<<32 AND (?1<<32)+0xffffffff ORDER BY id DESC LIMIT 1",
+              stream_id);
+    return query.executeStep() ? ColumnUint32(query, 0) : 0;
+  } catch (const SQLite::Exception& error) {
+    if (!absl::IsDataLoss(StatusFromSqlite(error, ""))) throw;
+    return std::numeric_limits<uint32_t>::max();
+  }
 }
 
-void CountDropped(SQLite::Database& database, int64_t stream_id, StreamAudit* audit) {
-  SQLite::Statement query =
-      Query(database,
-            "SELECT reason, sum(seq_count), max(first_seq+seq_count) FROM dropped "
-            "WHERE stream_id=? GROUP BY reason ORDER BY reason",
-            stream_id);
+void ReadDropped(SQLite::Database& database, int64_t stream_id, AuditedStream* stream) {
+  SQLite::Statement query = Query(
+      database, "SELECT reason, first_seq, seq_count FROM dropped WHERE stream_id=?", stream_id);
   RefusalCounter counter;
   while (query.executeStep()) {
-    counter.Add("", RefusalReasonFromName(query.getColumn(0).getString()), ColumnUint64(query, 1));
-    audit->highest_seq = std::max(audit->highest_seq, ColumnUint32(query, 2) - 1);
+    const StreamAudit::Range range{.first_seq = ColumnUint32(query, 1),
+                                   .count = ColumnUint32(query, 2)};
+    counter.Add("", RefusalReasonFromName(query.getColumn(0).getString()), range.count);
+    stream->dropped.push_back(range);
   }
-  audit->dropped = counter.List();
+  stream->audit.dropped = counter.List();
 }
 
 void AddReported(SQLite::Database& database, int64_t stream_id, StreamAudit* audit) {
@@ -50,8 +54,8 @@ void AddReported(SQLite::Database& database, int64_t stream_id, StreamAudit* aud
 
 }  // namespace
 
-absl::StatusOr<std::vector<StreamAudit>> ReadStreamAudits(SQLite::Database& database,
-                                                          std::string_view id) {
+absl::StatusOr<std::vector<AuditedStream>> ListAuditedStreams(SQLite::Database& database,
+                                                              std::string_view id) {
   RIGCAL_ASSIGN_OR_RETURN(const int64_t number, SessionNumber(database, id));
   SQLite::Statement query =
       Query(database,
@@ -59,19 +63,18 @@ absl::StatusOr<std::vector<StreamAudit>> ReadStreamAudits(SQLite::Database& data
             "JOIN session_camera c ON s.camera_id=c.id WHERE c.session_number=? "
             "ORDER BY c.camera, s.stream_epoch",
             number);
-  std::vector<StreamAudit> audits;
+  std::vector<AuditedStream> streams;
   while (query.executeStep()) {
     const int64_t stream_id = query.getColumn(0).getInt64();
-    StreamAudit audit;
-    audit.stream = {std::string(id), query.getColumn(1).getString(), ColumnUint32(query, 2)};
-    audit.durable_seq = audit.highest_seq = ColumnUint32(query, 3);
-    if (!query.getColumn(4).isNull()) audit.last_seq = ColumnUint32(query, 4);
-    CountStoredRows(database, stream_id, &audit);
-    CountDropped(database, stream_id, &audit);
-    AddReported(database, stream_id, &audit);
-    audits.push_back(std::move(audit));
+    AuditedStream& stream = streams.emplace_back();
+    stream.audit.stream = {std::string(id), query.getColumn(1).getString(), ColumnUint32(query, 2)};
+    stream.audit.durable_seq = ColumnUint32(query, 3);
+    if (!query.getColumn(4).isNull()) stream.audit.last_seq = ColumnUint32(query, 4);
+    stream.last_first_seq = LastFirstSeq(database, stream_id);
+    ReadDropped(database, stream_id, &stream);
+    AddReported(database, stream_id, &stream.audit);
   }
-  return audits;
+  return streams;
 }
 
 }  // namespace rigcal::server

@@ -322,6 +322,7 @@ TEST_F(SessionCommand, ObservationsOfNothingFail) {
 
 TEST_F(SessionCommand, VerifyProvesASessionOrNamesWhatIsMissing) {
   fake_.sessions["wave"].set_id("wave");
+  fake_.sessions["wave"].set_state(v1::Session::STATE_FINISHED);
   v1::StreamAudit& audit = fake_.audit.emplace_back();
   audit.set_camera("left");
   audit.set_stream_epoch(1234);
@@ -333,7 +334,7 @@ TEST_F(SessionCommand, VerifyProvesASessionOrNamesWhatIsMissing) {
   CommandOutcome outcome = Rigcal({"session", "verify", "wave"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("left"), HasSubstr("1234"),
-                                 HasSubstr("verified: 50 detected = 50 durable")));
+                                 HasSubstr("\nverified: 50 detected = 50 durable")));
   fake_.audit[0].set_stored_count(48);
   outcome = Rigcal({"session", "verify", "wave"});
   EXPECT_EQ(outcome.exit_code, 5);
@@ -342,6 +343,36 @@ TEST_F(SessionCommand, VerifyProvesASessionOrNamesWhatIsMissing) {
   EXPECT_EQ(outcome.exit_code, 5);
   EXPECT_EQ(json::parse(outcome.out).at("streams").at(0).at("missing"), 2);
   EXPECT_EQ(Rigcal({"session", "verify", "nobody"}).exit_code, 1);
+}
+
+TEST_F(SessionCommand, VerifyTellsWhereTheSpoolOfAnAgentIs) {
+  fake_.sessions["wave"].set_id("wave");
+  v1::StreamAudit& audit = fake_.audit.emplace_back();
+  audit.set_camera("left");
+  audit.set_stream_epoch(1234);
+  audit.set_agent_id("pc-1");
+  audit.set_holder(v1::StreamAudit::HOLDER_AWAY);
+  audit.mutable_reported()->set_last_seq(50);
+  audit.mutable_reported()->set_spooled_count(50);
+  v1::Agent* agent = fake_.agents.add_agents();
+  agent->set_agent_id("pc-1");
+  agent->set_host("lab-7");
+  CommandOutcome outcome = Rigcal({"session", "verify", "wave"});
+  EXPECT_EQ(outcome.exit_code, 5);
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("agent pc-1 on lab-7"), HasSubstr("rows 1 to 50 (50)")));
+  // Who may not list them gets the rest.
+  fake_.failures["ListAgents"] = grpc::Status(grpc::StatusCode::PERMISSION_DENIED, "no");
+  outcome = Rigcal({"session", "verify", "wave"});
+  EXPECT_EQ(outcome.exit_code, 5);
+  EXPECT_THAT(outcome.out, HasSubstr("the spool of agent pc-1; start agent pc-1 again"));
+}
+
+TEST_F(SessionCommand, VerifyOfADamagedRecordIsNotVerified) {
+  fake_.failures["GetSession"] =
+      grpc::Status(grpc::StatusCode::DATA_LOSS, "session wave is damaged");
+  EXPECT_EQ(Rigcal({"session", "verify", "wave"}).exit_code, 5);
+  fake_.failures["GetSession"] = grpc::Status(grpc::StatusCode::UNAVAILABLE, "gone");
+  EXPECT_EQ(Rigcal({"session", "verify", "wave"}).exit_code, 6);
 }
 
 TEST_F(SessionCommand, AgentListShowsTheSpool) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <future>
 #include <limits>
 #include <memory>
 #include <string>
@@ -290,6 +291,42 @@ TEST_F(AgentStream, ReportsAreKeptWithTheSession) {
   ASSERT_EQ(session->cameras(0).refused_size(), 1);
   EXPECT_EQ(session->cameras(0).refused(0).reason(), v1::REFUSAL_REASON_CSV_FIELD_COUNT);
   EXPECT_EQ(session->cameras(0).refused(0).example(), "left.csv:7: 5 fields");
+}
+
+TEST_F(AgentStream, AnAuditHasTheAgentsLastWordsBeforeTheyAreStored) {
+  auto agent = CapturingAgent();
+  agent->SendBatch(MakeBatch(kLeft, 1, 3));
+  agent->ReadAck("left", 3);
+  // The disk is slow from now on.
+  std::promise<void> release;
+  const std::shared_future<void> released = release.get_future().share();
+  faulty().OnCall("Append", [released] { released.wait(); });
+  v1::ConnectRequest message;
+  CameraReport report{.stream = kLeft, .observation_count = 50, .refused = {}};
+  report.spool = SpoolReport{.last_seq = 50, .acknowledged_seq = 3, .spooled_count = 47};
+  *message.mutable_report() = wire::ToProto(report);
+  agent->Send(message);
+  const auto stub = v1::SessionService::NewStub(channel());
+  v1::GetSessionResponse response;
+  const auto audit = [&] {
+    grpc::ClientContext context;
+    v1::GetSessionRequest request;
+    request.set_id("wave");
+    request.set_audit(true);
+    return stub->GetSession(&context, request, &response).ok() && response.audit_size() == 1 &&
+           response.audit(0).reported().last_seq() == 50;
+  };
+  EXPECT_TRUE(WaitFor(audit));
+  EXPECT_EQ(response.audit(0).reported().spooled_count(), 47u);
+  EXPECT_EQ(response.audit(0).stored_count(), 3u);
+  EXPECT_FALSE(response.audit(0).ended());
+  EXPECT_EQ(response.audit(0).holder(), v1::StreamAudit::HOLDER_CONNECTED);
+  // They stay when the agent is gone.
+  agent->Cancel();
+  EXPECT_TRUE(WaitFor(
+      [&] { return audit() && response.audit(0).holder() == v1::StreamAudit::HOLDER_AWAY; }));
+  release.set_value();
+  faulty().OnCall("Append", nullptr);
 }
 
 TEST_F(AgentStream, AnswersPingsWithItsTime) {

@@ -43,6 +43,26 @@ TEST(AgentDirectory, ListsWhoIsConnectedByRig) {
   EXPECT_EQ(directory.ConnectedCount(), 3u);
 }
 
+TEST(AgentDirectory, KeepsWhatAnAgentLastSaidOfAStream) {
+  server::AgentDirectoryOptions options;
+  options.max_stream_reports = 2;
+  AgentDirectory directory(options);
+  const StreamKey left{"wave", "left", 1}, right{"wave", "right", 1}, top{"wave", "top", 1};
+  EXPECT_FALSE(directory.StreamReport(left));
+  directory.SetStreamReport(left, {.last_seq = 5, .spooled_count = 5});
+  directory.SetStreamReport(left, {.last_seq = 9, .acknowledged_seq = 4, .spooled_count = 5});
+  directory.SetStreamReport(right, {.last_seq = 2});
+  ASSERT_TRUE(directory.StreamReport(left));
+  EXPECT_EQ(directory.StreamReport(left)->last_seq, 9u);
+  // Bounded; those that are known go on.
+  directory.SetStreamReport(top, {.last_seq = 1});
+  EXPECT_FALSE(directory.StreamReport(top));
+  directory.SetStreamReport(right, {.last_seq = 3});
+  EXPECT_EQ(directory.StreamReport(right)->last_seq, 3u);
+  directory.ForgetStreamReport(left);
+  EXPECT_FALSE(directory.StreamReport(left));
+}
+
 TEST(AgentDirectory, HigherConnectionFencesOffTheHalfDeadStream) {
   AgentDirectory directory;
   const auto old_link = Link();

@@ -132,6 +132,26 @@ TEST_F(ReadCalibrationInput, CountsLateRowsInsteadOfUsingThem) {
   EXPECT_EQ(input.refused[0].count, 7u);
 }
 
+TEST_F(ReadCalibrationInput, CountsWhatOfEachCameraIsRead) {
+  FinishByHand("wave", {"left", "right"}, 20);
+  Deliver({"wave", "right", 2}, 1, 7);  // late, and without an end
+  std::vector<server::RowShare> shares;
+  ASSERT_THAT(
+      server::ReadCalibrationInput(faulty(), {{"wave"}}, 1000, cancelled_, &refused_, &shares),
+      IsOk());
+  ASSERT_THAT(shares, SizeIs(2));
+  EXPECT_EQ(shares[0].camera(), "left");
+  EXPECT_EQ(shares[0].session_id(), "wave");
+  EXPECT_EQ(shares[0].detected(), 20u);
+  EXPECT_EQ(shares[0].read(), 20u);
+  EXPECT_FALSE(shares[0].has_open_stream());
+  EXPECT_NEAR(shares[0].span_s(), 0.19, 1e-9);
+  EXPECT_EQ(shares[1].detected(), 27u);
+  EXPECT_EQ(shares[1].read(), 20u);
+  EXPECT_EQ(shares[1].late(), 7u);
+  EXPECT_TRUE(shares[1].has_open_stream());
+}
+
 TEST_F(ReadCalibrationInput, LeavesRefusedRowsOutAndCarriesTheirCount) {
   StartByHand("wave", {"left"});
   server::Delivery delivery = MakeDelivery(MakeBatch({"wave", "left", 1}, 1, 10));

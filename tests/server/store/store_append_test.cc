@@ -272,6 +272,9 @@ TEST_F(StoreAppend, TellsWhereTheRowsOfEachStreamAre) {
   EXPECT_EQ(audits[0].durable_seq, 34u);
   EXPECT_EQ(audits[0].highest_seq, 60u);
   EXPECT_EQ(audits[0].stored_count, 40u);
+  EXPECT_EQ(audits[0].damaged_count, 0u);
+  EXPECT_EQ(audits[0].absent_count,
+            60u - 40u - audits[0].dropped[0].count - audits[0].dropped[1].count);
   EXPECT_FALSE(audits[0].last_seq);
   ASSERT_EQ(audits[0].dropped.size(), 2u);
   EXPECT_EQ(audits[0].dropped[0].count, 4u);

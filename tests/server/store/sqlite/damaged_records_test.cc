@@ -166,6 +166,40 @@ TEST_F(DamagedRecords, NamesTheDamagedBatch) {
                     HasSubstr(absl::StrCat("from seq ", 1 + 3 * kRows))));
 }
 
+TEST_F(DamagedRecords, AnAuditReadsTheRowsAndSaysWhichAreDamaged) {
+  Close();
+  const std::vector<int64_t> ids = BatchIds();
+  FlipBits({ids[3], ids[4], ids[10], ids[kBatches]}, 1);
+  Open();
+  // The numbers of rows beside the records have no checksum, and prove nothing.
+  ASSERT_OK_AND_ASSIGN(const auto audits, store().AuditStreams("s-test"));
+  ASSERT_EQ(audits.size(), 2u);
+  EXPECT_EQ(audits[0].stored_count, (kBatches - 3) * kRows);
+  EXPECT_EQ(audits[0].damaged_count, 3 * kRows);
+  EXPECT_THAT(audits[0].damaged,
+              ::testing::ElementsAre(StreamAudit::Range{1 + 3 * kRows, 2 * kRows},
+                                     StreamAudit::Range{1 + 10 * kRows, kRows}));
+  EXPECT_THAT(audits[0].damage, HasSubstr("camera a"));
+  EXPECT_EQ(audits[0].absent_count, 0u);
+  EXPECT_EQ(audits[1].damaged_count, kRows);
+  EXPECT_EQ(audits[1].stored_count + audits[1].damaged_count, kBatches * kRows);
+  // The camera's counts know it from then on.
+  EXPECT_EQ(DamagedCount(0), 3 * kRows);
+}
+
+TEST_F(DamagedRecords, AnAuditMissesRecordsThatAreGone) {
+  Close();
+  const std::vector<int64_t> ids = BatchIds();
+  EXPECT_EQ(Execute(absl::StrCat("DELETE FROM batch WHERE id=", ids[7])), 1);
+  EXPECT_EQ(Execute(absl::StrCat("UPDATE batch SET row_count=900 WHERE id=", ids[kBatches - 1])),
+            1);
+  Open();
+  ASSERT_OK_AND_ASSIGN(const auto audits, store().AuditStreams("s-test"));
+  EXPECT_EQ(audits[0].stored_count, (kBatches - 1) * kRows);
+  EXPECT_EQ(audits[0].highest_seq, kBatches * kRows);
+  EXPECT_THAT(audits[0].absent, ::testing::ElementsAre(StreamAudit::Range{1 + 7 * kRows, kRows}));
+}
+
 TEST_F(DamagedRecords, RepeatedRowsOfADamagedBatchAreNoConflict) {
   Close();
   FlipBits({BatchIds()[0]}, 1);
@@ -202,6 +236,14 @@ TEST_F(DamagedRecords, ADamagedPageLosesWhatIsOnIt) {
   const size_t lost = batches_on_page * kRows;
   EXPECT_EQ(ReadRows(store()).size(), all_rows_.size() - lost);
   EXPECT_EQ(DamagedCount(0) + DamagedCount(1), lost);
+  ASSERT_OK_AND_ASSIGN(const auto audits, store().AuditStreams("s-test"));
+  uint64_t readable = 0, damaged = 0;
+  for (const StreamAudit& audit : audits) {
+    readable += audit.stored_count;
+    damaged += audit.damaged_count;
+  }
+  EXPECT_EQ(readable, all_rows_.size() - lost);
+  EXPECT_EQ(damaged, lost);
   ASSERT_OK_AND_ASSIGN(const DatabaseReport report, CheckDatabase(File(), [](double) {}));
   EXPECT_GT(report.fault_count, 0u);
 }

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "agent/uplink/uplink_connection.h"
 #include "common/failpoint/failpoint.h"
+#include "common/status/guarded.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -133,11 +134,21 @@ bool Uplink::IsTimeToLeave() const {
 
 void Uplink::Run() {
   while (!IsTimeToLeave()) {
-    Conversation conversation(options_, ++connection_, &agent_, Clock::now());
-    const absl::Status status = Serve(conversation);
-    if (IsTimeToLeave()) return;
-    if (status.ok()) continue;
-    const Clock::time_point next_attempt = Clock::now() + WaitAfter(conversation, status);
+    Backoff::Duration wait{0};
+    const absl::Status fault = Guarded("the connection to the server", [&] {
+      Conversation conversation(options_, ++connection_, &agent_, Clock::now());
+      const absl::Status status = Serve(conversation);
+      if (!status.ok() && !IsTimeToLeave()) wait = WaitAfter(conversation, status);
+    });
+    if (!fault.ok()) {
+      // What is not acknowledged is in the spool.
+      wait = backoff_.Next();
+      spdlog::error(
+          "{}; it is made again, and captures go on: if this is repeated, look at the memory of "
+          "this PC, and restart the agent",
+          std::string(fault.message()));
+    }
+    const Clock::time_point next_attempt = Clock::now() + wait;
     while (Clock::now() < next_attempt && !IsTimeToLeave()) WaitUntil(next_attempt);
   }
 }

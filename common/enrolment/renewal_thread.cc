@@ -7,6 +7,7 @@
 
 #include "common/enrolment/connection_refusal.h"
 #include "common/enrolment/join_server.h"
+#include "common/status/guarded.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal {
@@ -72,7 +73,13 @@ void RenewalThread::Run() {
     const bool ask_anyway = std::exchange(ask_, false) || now >= asked_ + kAskEvery;
     if (ask_anyway) asked_ = now;
     lock.unlock();
-    RenewOnce(ask_anyway);
+    const absl::Status status = Guarded("renewing the certificate", [&] { RenewOnce(ask_anyway); });
+    // It is tried again after the interval.
+    if (!status.ok()) {
+      Guarded("telling of it", [&] {
+        events_.trouble(std::string(status.message()));
+      }).IgnoreError();
+    }
     lock.lock();
     changed_.wait_for(lock, interval_, [this] { return stopping_ || ask_; });
     // What is asked for too soon is not forgotten, only later.

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "common/status/guarded.h"
 #include "server/session/utc_clock.h"
 
 namespace rigcal::server {
@@ -116,16 +118,46 @@ bool EstimateLoop::WaitUntil(Time time) {
 
 void EstimateLoop::Run() {
   while (WaitUntil(std::chrono::steady_clock::now() + kLookInterval)) {
-    for (const std::string& id : rows_.Sessions()) {
-      if (stopping_) return;
-      if (std::chrono::steady_clock::now() >= progress_[id].next) EstimateSession(id);
-    }
+    const absl::Status round = Guarded("the running estimate", [this] {
+      for (const std::string& id : rows_.Sessions()) {
+        if (stopping_) return;
+        const Time now = std::chrono::steady_clock::now();
+        if (now < progress_[id].next) continue;
+        progress_[id].next = now + options_.max_age;  // also where it fails
+        const absl::Status status =
+            Guarded(absl::StrCat("session ", id), [&] { EstimateSession(id); });
+        if (!status.ok()) ShowFault(id, status);
+      }
+    });
+    if (round.ok()) continue;
+    spdlog::error("{}; it is tried again", std::string(round.message()));
+    WaitUntil(std::chrono::steady_clock::now() + options_.max_age);
   }
+}
+
+void EstimateLoop::ShowFault(const std::string& id, const absl::Status& fault) {
+  spdlog::error(
+      "{}; the running estimate is tried again, and recording goes on: if this is repeated, look "
+      "at "
+      "the memory of this PC",
+      std::string(fault.message()));
+  Progress& progress = progress_[id];
+  progress.shown.session_id = id;
+  progress.shown.state = EstimateState::kFailed;
+  progress.shown.problem = std::string(fault.message());
+  show_(progress.shown);
 }
 
 void EstimateLoop::EstimateSession(const std::string& id) {
   const auto begin = std::chrono::steady_clock::now();
   const absl::StatusOr<Session> session = store_->GetSession(id);
+  // Of any other error of the store nothing follows: it is asked again.
+  if (!session.ok() && !absl::IsNotFound(session.status())) {
+    const std::string problem(session.status().message());
+    if (std::exchange(progress_[id].store_problem, problem) == problem) return;
+    spdlog::warn("session {}: no running estimate now, tried again: {}", id, problem);
+    return;
+  }
   if (!session.ok() || session->state == SessionState::kFinished) {
     // The last estimate stays where it is shown.
     rows_.Forget(id);
@@ -133,7 +165,7 @@ void EstimateLoop::EstimateSession(const std::string& id) {
     return;
   }
   Progress& progress = progress_[id];
-  progress.next = begin + options_.max_age;
+  progress.store_problem.clear();
   std::optional<RowCollection::Snapshot> snapshot = rows_.Take(id);
   if (!snapshot || snapshot->seen_count == progress.seen_count) return;
   progress.seen_count = snapshot->seen_count;

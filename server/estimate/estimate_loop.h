@@ -12,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "common/session/session.h"
 #include "server/estimate/row_collection.h"
 #include "server/jobs/estimate_in_worker.h"
@@ -28,7 +29,9 @@ struct EstimateLoopOptions {
 };
 
 // Keeps a running estimate of every session that captures: one after the other, on one thread,
-// whenever rows have arrived since the last one. What fails is shown and tried again.
+// whenever rows have arrived since the last one. What fails or throws is logged, shown and tried
+// again. The rows and the start of the next estimate are kept until the session has ended or is
+// gone, whatever the store says meanwhile.
 class EstimateLoop {
  public:
   // `store` must outlive the loop. `show` gets each estimate.
@@ -53,11 +56,13 @@ class EstimateLoop {
     EstimateStart start;
     LiveEstimate shown;
     uint64_t seen_count = 0;
+    std::string store_problem;  // logged already
     Time next{};
   };
 
   void Run();
   void EstimateSession(const std::string& id);
+  void ShowFault(const std::string& id, const absl::Status& fault);
   bool WaitUntil(Time time);
 
   const EstimateLoopOptions options_;

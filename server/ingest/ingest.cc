@@ -13,6 +13,7 @@
 #include "absl/container/flat_hash_map.h"
 #include "absl/strings/str_cat.h"
 #include "common/failpoint/failpoint.h"
+#include "common/status/guarded.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::server {
@@ -56,6 +57,17 @@ void AddUp(const AppendOutcome& outcome, AppendOutcome* total) {
   sum.refused_rows += total->refused_rows;
   sum.conflict_rows += total->conflict_rows;
   *total = sum;
+}
+
+// What others do on the writer's thread must not end it.
+template <typename Body>
+void Call(std::string_view what, const Body& body) {
+  const absl::Status status = Guarded(what, body);
+  if (status.ok()) return;
+  spdlog::error(
+      "ingest: {}; what was stored is durable: if this is repeated, look at the memory of this PC, "
+      "and restart the server",
+      std::string(status.message()));
 }
 
 }  // namespace
@@ -129,9 +141,9 @@ void Ingest::RunWriter() {
     if (disk_full()) timeout = kDiskFullCheckInterval;
     std::optional<IngestQueue::Group> group = queue_.Take(timeout);
     if (!group) return;
-    for (const auto& on_space : group->on_space) on_space();
+    for (const auto& on_space : group->on_space) Call("telling that there is room", on_space);
     if (group->deliveries.empty()) {
-      ForgetDiskFullWhenThereIsRoom();
+      Call("looking at the disk", [this] { ForgetDiskFullWhenThereIsRoom(); });
     } else {
       Write(*group);
     }
@@ -143,15 +155,17 @@ void Ingest::Write(const IngestQueue::Group& group) {
   Failpoint("before_commit");
   const absl::StatusOr<std::vector<AppendOutcome>> outcomes = Append(group);
   Failpoint("after_commit");
-  NoteResult(outcomes);
+  Call("noting a commit", [&] { NoteResult(outcomes); });
   if (!outcomes.ok()) {
-    for (const IngestCallback& done : group.done) done(outcomes.status());
+    for (const IngestCallback& done : group.done) {
+      Call("answering a delivery", [&] { done(outcomes.status()); });
+    }
     return;
   }
   Failpoint("before_ack");
   Answer(group, *outcomes);
   Failpoint("after_ack");
-  if (on_progress_) ReportProgress(group, *outcomes);
+  if (on_progress_) Call("noting progress", [&] { ReportProgress(group, *outcomes); });
   if (on_delivery_) ReportDeliveries(group, *outcomes);
 }
 
@@ -206,12 +220,14 @@ void Ingest::Answer(const IngestQueue::Group& group,
                     const std::vector<AppendOutcome>& outcomes) const {
   for (size_t i = 0; i < outcomes.size(); ++i) {
     const Delivery& delivery = group.deliveries[i];
-    if (outcomes[i].unknown) {
-      group.done[i](absl::NotFoundError(
-          absl::StrCat(StreamName(delivery.stream()), ": does not exist (any more)")));
-    } else {
-      group.done[i](MakeAck(delivery, outcomes[i], options_.send_window));
-    }
+    Call("acknowledging a delivery", [&] {
+      if (outcomes[i].unknown) {
+        group.done[i](absl::NotFoundError(
+            absl::StrCat(StreamName(delivery.stream()), ": does not exist (any more)")));
+      } else {
+        group.done[i](MakeAck(delivery, outcomes[i], options_.send_window));
+      }
+    });
   }
 }
 
@@ -221,13 +237,16 @@ void Ingest::ReportProgress(const IngestQueue::Group& group,
   for (size_t i = 0; i < outcomes.size(); ++i) {
     if (!outcomes[i].unknown) AddUp(outcomes[i], &by_stream[group.deliveries[i].stream()]);
   }
-  for (const auto& [stream, outcome] : by_stream) on_progress_(stream, outcome);
+  for (const auto& [stream, outcome] : by_stream) {
+    Call("noting progress", [&, &on = stream, &now = outcome] { on_progress_(on, now); });
+  }
 }
 
 void Ingest::ReportDeliveries(const IngestQueue::Group& group,
                               const std::vector<AppendOutcome>& outcomes) const {
   for (size_t i = 0; i < outcomes.size(); ++i) {
-    if (!outcomes[i].unknown) on_delivery_(group.deliveries[i], outcomes[i]);
+    if (outcomes[i].unknown) continue;
+    Call("showing a delivery", [&] { on_delivery_(group.deliveries[i], outcomes[i]); });
   }
 }
 

@@ -52,7 +52,8 @@ using DeliveryHook = std::function<void(const Delivery&, const AppendOutcome&)>;
 
 // Checks deliveries and writes them with one thread: an acknowledgement means that the rows are on
 // disk. Everything queued during a commit goes into the next one (up to group_limit_bytes); nothing
-// waits for more to arrive.
+// waits for more to arrive. What a callback or hook throws is logged and ends there: the rows are
+// durable, and the others are called.
 //
 // When the disk is full, the deliveries of that commit are given back with RESOURCE_EXHAUSTED, and
 // the next ones are tried as they arrive. After any other error of the store nothing is accepted

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/status/guarded.h"
 #include "common/wire/agent_wire.h"
 #include "common/wire/detector_wire.h"
 #include "common/wire/grpc_status.h"
@@ -279,7 +280,12 @@ void AgentStream::Submit() {
   const absl::Status status = environment_.ingest->Submit(
       delivery_,
       [weak = weak_from_this()](absl::StatusOr<BatchAck> ack) {
-        if (const auto stream = weak.lock()) stream->Delivered(std::move(ack));
+        const auto stream = weak.lock();
+        if (!stream) return;
+        const absl::Status answered =
+            Guarded("an acknowledgement", [&] { stream->Delivered(std::move(ack)); });
+        // The agent would wait for it; after a new connection it learns what is durable.
+        if (!answered.ok()) stream->Close(answered);
       },
       [weak = weak_from_this()] {
         // On the writer's thread: checking the values again is work for another one.

@@ -11,6 +11,7 @@
 #include "agent/spool/disk/segment_format.h"
 #include "agent/spool/disk/spool_recovery.h"
 #include "common/failpoint/failpoint.h"
+#include "common/status/guarded.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -126,8 +127,11 @@ void DiskSpool::Maintain() {
     const std::lock_guard lock(mutex_);
     if (!failed_.ok()) return;
   }
-  absl::Status status = SyncSegments();
-  if (status.ok()) status = WriteCheckpoint();
+  // After what it throws nobody knows what is on the disk, as after a failed sync.
+  const absl::Status status = Guarded("writing the spool", [this]() -> absl::Status {
+    RIGCAL_RETURN_IF_ERROR(SyncSegments());
+    return WriteCheckpoint();
+  });
   if (status.ok()) return;
   const std::lock_guard lock(mutex_);
   Fail(status);

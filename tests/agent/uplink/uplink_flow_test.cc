@@ -2,8 +2,11 @@
 // What is sent when: credit, batches, acknowledgements, clocks and reports.
 #include <grpcpp/grpcpp.h>
 
+#include <atomic>
 #include <chrono>
 #include <cstdlib>
+#include <memory>
+#include <new>
 
 #include "tests/agent/uplink/uplink_fixture.h"
 
@@ -152,6 +155,22 @@ TEST_F(UplinkFlow, ReportsWhatASourceRefusesWhileItRuns) {
   }
   EXPECT_THAT(server_.Now().At(kLeft).report->refused,
               ElementsAre(Refusal{"", RefusalReason::kCsvBadTime, 2, "f.csv:3: bad"}));
+}
+
+TEST_F(UplinkFlow, SurvivesWhatAConnectionThrows) {
+  std::atomic<int> attempts = 0;
+  Start(QuickOptions(), "recording", [&]() -> std::shared_ptr<grpc::Channel> {
+    const int attempt = ++attempts;
+    if (attempt == 1) throw std::bad_alloc();
+    if (attempt == 2) throw 7;
+    return server_.Channel();
+  });
+  server_.WaitForHello(1);
+  server_.StartCapture("s-1", {"left"});
+  left_->YieldRows(0, 100);
+  left_->YieldEnd();
+  ExpectRows(WaitForEnd(kLeft).At(kLeft), 100);
+  EXPECT_EQ(attempts, 3);
 }
 
 TEST_F(UplinkFlow, ReportsWhereTheRowsOfItsStreamsAre) {

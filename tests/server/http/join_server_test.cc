@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <string>
 #include <thread>
 #include <vector>
@@ -487,6 +488,20 @@ TEST_F(JoinServer, IsRenewedByTheThread) {
   }
   ASSERT_OK_AND_ASSIGN(const PeerIdentity kept, folder.Load());
   EXPECT_EQ(kept, old) << "what cannot be renewed stays";
+}
+
+TEST(RenewalThread, SurvivesWhatItsEventsThrow) {
+  TemporaryDirectory state;  // nothing in it, which is trouble
+  std::atomic<int> calls = 0;
+  RenewalThread thread(IdentityFolder::OfAgent(state.path()),
+                       {.renewed = [] {},
+                        .trouble =
+                            [&](const std::string&) {
+                              if (++calls < 4) throw std::bad_alloc();
+                            }},
+                       std::chrono::milliseconds(1));
+  thread.Start();
+  EXPECT_TRUE(WaitFor([&] { return calls >= 4; }));
 }
 
 }  // namespace

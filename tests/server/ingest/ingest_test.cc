@@ -12,6 +12,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <string>
 #include <thread>
 #include <utility>
@@ -58,10 +59,12 @@ class IngestTest : public ::testing::Test {
     ingest_ = std::make_unique<Ingest>(
         options, &store_, ContextOf,
         [this](const StreamKey& stream, const AppendOutcome& outcome) {
+          if (throw_at_progress_.exchange(false)) throw std::bad_alloc();
           const std::lock_guard lock(mutex_);
           progress_.emplace_back(stream, outcome);
         },
         [this](const Delivery& delivery, const AppendOutcome& outcome) {
+          if (throw_at_delivery_.exchange(false)) throw 7;
           const std::lock_guard lock(mutex_);
           delivered_.emplace_back(delivery.batch.rows(), outcome.stored_rows);
         });
@@ -97,6 +100,7 @@ class IngestTest : public ::testing::Test {
   std::vector<std::pair<StreamKey, AppendOutcome>> progress_;
   std::vector<std::pair<size_t, uint32_t>> delivered_;  // rows, and those that were new
   std::atomic<int> space_calls_ = 0;
+  std::atomic<bool> throw_at_progress_ = false, throw_at_delivery_ = false;
   std::unique_ptr<Ingest> ingest_;
 };
 
@@ -349,6 +353,33 @@ TEST_F(IngestTest, AnswersWhatAWriterThatNeverRanDidNotWrite) {
   ASSERT_THAT(Submit(MakeDelivery(KeyOf("a"), 1, 16)), IsOk());
   ingest_->Shutdown();
   EXPECT_THAT(answers(), ElementsAre(StatusIs(absl::StatusCode::kUnavailable, _)));
+}
+
+TEST_F(IngestTest, SurvivesWhatItsCallbacksThrow) {
+  ASSERT_NO_FATAL_FAILURE(HoldFirstCommit());
+  // In one commit with others: theirs are called.
+  Delivery thrown = MakeDelivery(KeyOf("a"), 1, 3);
+  ASSERT_THAT(ingest_->Submit(
+                  thrown, [](absl::StatusOr<BatchAck>) { throw std::bad_alloc(); }, [] {}),
+              IsOk());
+  ASSERT_THAT(Submit(MakeDelivery(KeyOf("b"), 1, 3)), IsOk());
+  throw_at_progress_ = true;
+  throw_at_delivery_ = true;
+  store_.Release();
+  ingest_->WaitIdle();
+  EXPECT_EQ(store_.deliveries().size(), 3u) << "what was stored stays stored";
+  EXPECT_THAT(answers(), ::testing::SizeIs(2));
+  // Of three streams and three deliveries one hook each has thrown.
+  {
+    const std::lock_guard lock(mutex_);
+    EXPECT_EQ(progress_.size(), 2u);
+    EXPECT_EQ(delivered_.size(), 2u);
+  }
+  ASSERT_THAT(Submit(MakeDelivery(KeyOf("a"), 4, 6)), IsOk());
+  ingest_->WaitIdle();
+  EXPECT_THAT(answers(), ::testing::SizeIs(3));
+  EXPECT_THAT(answers().back(), IsOk());
+  EXPECT_EQ(ingest_->Stats().problem, "");
 }
 
 TEST_F(IngestTest, LetsCallbacksSubmit) {

@@ -2,9 +2,11 @@
 // Every call that changes the disk fails once, or from then on: full disks and broken ones.
 #include <gmock/gmock.h>
 
+#include <chrono>
 #include <string>
 
 #include "tests/agent/spool/disk/spool_reading.h"
+#include "tests/testing/process.h"
 
 namespace rigcal::agent::disk_spool_faults_test {
 namespace {
@@ -183,6 +185,27 @@ TEST(DiskSpoolFaults, SaysWhyItCannotBeOpened) {
   files.FailAt(1, absl::StatusCode::kInternal, /*forever=*/true);
   EXPECT_THAT(DiskSpool::Create(SmallOptions(), &files),
               StatusIs(absl::StatusCode::kInternal, HasSubstr("the model fails")));
+}
+
+TEST(DiskSpoolFaults, ItsThreadSurvivesWhatIsThrownAndSaysThatItHasFailed) {
+  ModelFileSystem files;
+  DiskSpoolOptions options = ModelOptions();
+  options.has_thread = true;
+  options.sync_interval = std::chrono::milliseconds(1);
+  std::unique_ptr<DiskSpool> spool = OpenSpool(files, options);
+  ASSERT_THAT(spool->Open(kLeft, 1, 1), IsOk());
+  ASSERT_NO_FATAL_FAILURE(AppendRows(*spool, kLeft, 1, 10));
+  // The next change of the disk is the thread's: a sync or a checkpoint.
+  files.ThrowAt(1);
+  spool->Acknowledge(kLeft, 1);
+  ASSERT_TRUE(::rigcal::testing::WaitFor([&] { return !spool->Status().problem.empty(); }));
+  EXPECT_THAT(spool->Append(kLeft, MakeObservation(kRowNs), {}),
+              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("accepts nothing any more")));
+  EXPECT_THAT(spool->Status().problem, HasSubstr("bad_alloc"));
+  // What it holds is still sent.
+  const auto batch = spool->Read(kLeft, 2, 10);
+  ASSERT_THAT(batch, IsOk());
+  EXPECT_EQ(batch->rows(), 9u);
 }
 
 }  // namespace

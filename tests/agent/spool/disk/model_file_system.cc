@@ -2,6 +2,7 @@
 #include "tests/agent/spool/disk/model_file_system.h"
 
 #include <algorithm>
+#include <new>
 #include <utility>
 
 namespace rigcal::agent {
@@ -69,6 +70,7 @@ absl::Status ModelFileSystem::Pass() {
   ++calls_;
   if (cut_at_ > 0 && --cut_at_ == 0) power_is_off_ = true;
   if (power_is_off_) return absl::InternalError("the power is off");
+  if (throw_at_ > 0 && --throw_at_ == 0) throw std::bad_alloc();
   if (fail_at_ == 0) return absl::OkStatus();
   if (fail_at_ > 1) {
     --fail_at_;
@@ -83,6 +85,11 @@ void ModelFileSystem::FailAt(int call, absl::StatusCode code, bool forever) {
   fail_at_ = call;
   code_ = code;
   forever_ = forever;
+}
+
+void ModelFileSystem::ThrowAt(int call) {
+  const std::lock_guard lock(mutex_);
+  throw_at_ = call;
 }
 
 void ModelFileSystem::CutPowerAt(int call) {

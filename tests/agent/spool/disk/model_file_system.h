@@ -22,6 +22,8 @@ class ModelFileSystem final : public FileSystem {
   // but, when it writes, half of the bytes. `forever`: and so do all behind it. The code of a full
   // disk: kResourceExhausted; of a broken one: kInternal.
   void FailAt(int call, absl::StatusCode code, bool forever = false);
+  // The `call`-th changing call from now on throws bad_alloc, and changes nothing.
+  void ThrowAt(int call);
   // From the `call`-th changing call on, the power is off: all calls fail.
   void CutPowerAt(int call);
   // What the disk has after the power cut; everything works again. With `keep_unsynced_bytes` each
@@ -72,6 +74,7 @@ class ModelFileSystem final : public FileSystem {
   int calls_ = 0;
   uint64_t bytes_read_ = 0;
   int fail_at_ = 0;
+  int throw_at_ = 0;
   absl::StatusCode code_ = absl::StatusCode::kInternal;
   bool forever_ = false;
   bool power_is_off_ = false;

@@ -4,10 +4,10 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
-#include <exception>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/status/guarded.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -102,7 +102,13 @@ void CameraPipeline::Run() {
     report_ = {};
     report_.stream = stream;
     lock.unlock();
-    RunCapture(stream, target);
+    const absl::Status fault = Guarded("ending a capture", [&] { RunCapture(stream, target); });
+    if (!fault.ok()) {
+      spdlog::error("camera {}: session {}: {}; the next capture begins all the same",
+                    stream.camera, stream.session_id, std::string(fault.message()));
+      // Without its end the session would wait for it.
+      Guarded("ending a capture", [&] { return spool_->Finish(stream, {}); }).IgnoreError();
+    }
     lock.lock();
     running_ = false;
     captures_.pop_front();
@@ -115,13 +121,15 @@ void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
   absl::Status status;
   CameraReport report;
   RefusalReason reason = RefusalReason::kSourceFailed;
-  try {
-    if (!StopRequested()) {
-      status = MoveObservations(stream, target, &reason);
-      report = MakeReport();
+  if (!StopRequested()) {
+    status =
+        Guarded("the source failed", [&] { return MoveObservations(stream, target, &reason); });
+    // What it had counted holds, whatever has ended it.
+    const absl::Status counted = Guarded("counts of the source", [&] { report = MakeReport(); });
+    if (!counted.ok()) {
+      const std::lock_guard lock(mutex_);
+      report = report_;  // at most a second old
     }
-  } catch (const std::exception& error) {
-    status = absl::InternalError(absl::StrCat("the source failed: ", error.what()));
   }
   if (!status.ok()) {
     const std::string message(status.message());

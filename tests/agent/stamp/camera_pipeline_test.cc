@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <memory>
+#include <new>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -180,6 +181,42 @@ TEST(CameraPipeline, TurnsAnExceptionOfItsSourceIntoAReport) {
   ASSERT_TRUE(spooled && spooled->end);
   ASSERT_EQ(spooled->end->report.refused.size(), 1u);
   EXPECT_EQ(spooled->end->report.refused[0].example, "the source failed: driver gave up");
+}
+
+// Gives a few frames, and throws.
+class ThrowingAfterFrames : public ScriptedSource {
+ public:
+  using ScriptedSource::ScriptedSource;
+  absl::StatusOr<std::optional<Observation>> Next() override {
+    if (++count_ > 3) throw std::bad_alloc();
+    return MakeObservation(count_ * 1000, 0, 2);
+  }
+  std::optional<FrameCounts> frame_counts() const override {
+    return FrameCounts{.received = 4, .damaged = 1, .lost = 2};
+  }
+
+ private:
+  int count_ = 0;
+};
+
+TEST(CameraPipeline, KeepsTheCountsOfASourceThatThrows) {
+  MemorySpool spool;
+  auto source = std::make_unique<ThrowingAfterFrames>("left");
+  source->SetRefused({{"", RefusalReason::kFrameIncomplete, 1, "frame 2"}});
+  CameraPipeline pipeline(std::move(source), &spool, [] {});
+  pipeline.Start();
+  ASSERT_THAT(pipeline.Begin(kFirst, MakeTarget(), 1), IsOk());
+  pipeline.WaitUntilIdle();
+  const auto spooled = spool.Find(kFirst);
+  ASSERT_TRUE(spooled && spooled->end);
+  const CameraReport& report = spooled->end->report;
+  EXPECT_EQ(report.observation_count, 3u);
+  ASSERT_TRUE(report.frames);
+  EXPECT_EQ(report.frames->received, 4u);
+  EXPECT_EQ(report.frames->lost, 2u);
+  ASSERT_EQ(report.refused.size(), 2u);
+  EXPECT_EQ(report.refused[0].reason, RefusalReason::kFrameIncomplete);
+  EXPECT_THAT(report.refused[1].example, HasSubstr("bad_alloc"));
 }
 
 TEST(MakePipelines, RefusesNoCameraAndTwoOfOneName) {

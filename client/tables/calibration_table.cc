@@ -167,7 +167,9 @@ std::string FormatFindings(const v1::Calibration& calibration) {
     TextTable table;
     table.Words({"finding", "severity", "camera"}).Numbers({"value"}).Words({"unit", "advice"});
     for (const v1::Finding& finding : calibration.findings()) {
-      table.AddRow({EnumWord(finding.kind()),
+      table.AddRow({v1::FindingKind_IsValid(finding.kind())
+                        ? EnumWord(finding.kind())
+                        : absl::StrCat("unknown kind ", static_cast<int>(finding.kind())),
                     finding.candidate() ? "candidate" : EnumWord(finding.severity()),
                     finding.camera().empty() ? "(all)" : finding.camera(),
                     absl::StrFormat("%.4g", finding.value()), finding.unit(), finding.advice()});

@@ -129,6 +129,8 @@ struct Finding {
   // A possible cause of a result too bad for figures to hold: `value` is how much of the mean
   // reprojection error it would explain, pixels.
   bool candidate = false;
+  // Of a kUnspecified of a later version: the number of its kind there.
+  int unknown_kind = 0;
 };
 
 // Which solver adjusted a calibration: the kernel for lines and points, or the general one.

@@ -170,23 +170,26 @@ absl::StatusOr<CalibratedTarget> TargetFromProto(const v1::CalibratedTarget& pro
   return target;
 }
 
-absl::StatusOr<Finding> FindingFromProto(const v1::Finding& proto) {
-  if (!v1::FindingKind_IsValid(proto.kind()) || proto.kind() == v1::FINDING_KIND_UNSPECIFIED) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("finding.kind: ", static_cast<int>(proto.kind()), " is not known"));
+// What a later version has added must not cost the calibration: a kind that is not known keeps its
+// number, and a severity is taken for a warning.
+Finding FromProto(const v1::Finding& proto) {
+  Finding finding;
+  if (v1::FindingKind_IsValid(proto.kind())) {
+    finding.kind = static_cast<FindingKind>(proto.kind());
+  } else {
+    finding.unknown_kind = proto.kind();
   }
-  if (!v1::FindingSeverity_IsValid(proto.severity()) ||
-      proto.severity() == v1::FINDING_SEVERITY_UNSPECIFIED) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("finding.severity: ", static_cast<int>(proto.severity()), " is not known"));
+  finding.camera = proto.camera();
+  finding.value = proto.value();
+  finding.unit = proto.unit();
+  finding.advice = proto.advice();
+  finding.severity = FindingSeverity::kWarning;
+  if (v1::FindingSeverity_IsValid(proto.severity()) &&
+      proto.severity() != v1::FINDING_SEVERITY_UNSPECIFIED) {
+    finding.severity = static_cast<FindingSeverity>(proto.severity());
   }
-  return Finding{static_cast<FindingKind>(proto.kind()),
-                 proto.camera(),
-                 proto.value(),
-                 proto.unit(),
-                 proto.advice(),
-                 static_cast<FindingSeverity>(proto.severity()),
-                 proto.candidate()};
+  finding.candidate = proto.candidate();
+  return finding;
 }
 
 SolverPath FromProto(v1::SolverPath path) {
@@ -230,7 +233,9 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   for (const Refusal& refusal : result.refused) *proto->add_refused() = wire::ToProto(refusal);
   for (const Finding& finding : result.findings) {
     v1::Finding* out = proto->add_findings();
-    out->set_kind(static_cast<v1::FindingKind>(finding.kind));
+    const bool is_known = finding.kind != FindingKind::kUnspecified;
+    out->set_kind(is_known ? static_cast<v1::FindingKind>(finding.kind)
+                           : static_cast<v1::FindingKind>(finding.unknown_kind));
     out->set_severity(static_cast<v1::FindingSeverity>(finding.severity));
     out->set_camera(finding.camera);
     out->set_value(finding.value);
@@ -275,14 +280,12 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
     result.refused.push_back(wire::FromProto(refusal));
   }
   for (const v1::Finding& finding : proto.findings()) {
-    RIGCAL_ASSIGN_OR_RETURN(Finding parsed, FindingFromProto(finding));
-    result.findings.push_back(std::move(parsed));
+    result.findings.push_back(FromProto(finding));
   }
   result.observation_digest = proto.observation_digest();
-  if (!v1::Quality::Grade_IsValid(proto.quality().grade())) {
-    return absl::InvalidArgumentError("quality.grade: not a known grade");
+  if (v1::Quality::Grade_IsValid(proto.quality().grade())) {
+    result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
   }
-  result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
   Copy(proto.quality().reasons(), &result.quality.reasons);
   result.quality.predicted_error_m = proto.quality().predicted_error_m();
   result.quality.accepted_error_m = proto.quality().accepted_error_m();

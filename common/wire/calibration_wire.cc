@@ -37,18 +37,20 @@ static_assert(static_cast<int>(FrameChoice::kKeep) == v1::CalibrationOptions::FR
 static_assert(static_cast<int>(FrameChoice::kKeepIfPossible) ==
               v1::CalibrationOptions::FRAME_KEEP_IF_POSSIBLE);
 
-// What of options says how a calibration derives from another one.
+// What of options says how a calibration derives from another one. With an error the rest is read
+// all the same.
 absl::Status ReadDerivation(const v1::CalibrationOptions& proto, CalibrationOptions* options) {
+  absl::Status first;
   options->parent_id = proto.parent_id();
-  options->kind = static_cast<SolveKind>(proto.kind());
   options->only_cameras.assign(proto.only_cameras().begin(), proto.only_cameras().end());
   options->fixed_intrinsics.assign(proto.fixed_intrinsics().begin(),
                                    proto.fixed_intrinsics().end());
   for (const v1::CameraIntrinsics& camera : proto.given_intrinsics()) {
-    CameraIntrinsics& given = options->given_intrinsics.emplace_back();
-    given.camera = camera.camera();
-    given.image_size_px = FromProto(camera.image_size_px());
-    RIGCAL_ASSIGN_OR_RETURN(given.intrinsics, FromProto(camera.intrinsics()));
+    auto intrinsics = FromProto(camera.intrinsics());
+    first.Update(intrinsics.status());
+    if (!intrinsics.ok()) continue;
+    options->given_intrinsics.push_back(
+        {camera.camera(), FromProto(camera.image_size_px()), *std::move(intrinsics)});
   }
   options->what_if = proto.what_if();
   options->without_cameras.assign(proto.without_cameras().begin(), proto.without_cameras().end());
@@ -57,14 +59,58 @@ absl::Status ReadDerivation(const v1::CalibrationOptions& proto, CalibrationOpti
   options->from_s = proto.from_s();
   options->to_s = proto.to_s();
   if (proto.has_assumed_target()) {
-    RIGCAL_ASSIGN_OR_RETURN(options->assumed_target, FromProto(proto.assumed_target()));
+    auto target = FromProto(proto.assumed_target());
+    first.Update(target.status());
+    if (target.ok()) options->assumed_target = *std::move(target);
   }
   if (proto.has_origin()) {
-    RIGCAL_ASSIGN_OR_RETURN(options->origin, FromProto(proto.origin()));
+    auto origin = FromProto(proto.origin());
+    first.Update(origin.status());
+    if (origin.ok()) options->origin = *std::move(origin);
   }
   if (proto.has_scale()) options->scale = FromProto(proto.scale());
-  options->frame = static_cast<FrameChoice>(proto.frame());
-  return absl::OkStatus();
+  return first;
+}
+
+// Where a value is not known, `fallback`; `first` gets what is wrong.
+template <typename Value>
+Value KnownOr(Value fallback, const char* field, int number, bool is_known, absl::Status* first) {
+  if (is_known) return static_cast<Value>(number);
+  first->Update(
+      absl::InvalidArgumentError(absl::StrCat("options.", field, ": ", number, " is not known")));
+  return fallback;
+}
+
+// As far as they are known here; `first` gets what is wrong first. They are not validated: that is
+// for those who ask. Whether they are allowed has been decided for a record that is read, and a
+// rule of a later version does not damage it.
+CalibrationOptions ReadOptions(const v1::CalibrationOptions& proto, absl::Status* first) {
+  using Wire = v1::CalibrationOptions;
+  CalibrationOptions options;
+  const auto estimate = [first](const char* field, Wire::Estimate value) {
+    return KnownOr(Estimate::kDefault, field, value, Wire::Estimate_IsValid(value), first);
+  };
+  options.intrinsics = estimate("intrinsics", proto.intrinsics());
+  options.time_offsets = estimate("time_offsets", proto.time_offsets());
+  options.marker_positions = estimate("marker_positions", proto.marker_positions());
+  options.trajectory = KnownOr(options.trajectory, "trajectory", proto.trajectory(),
+                               Wire::Trajectory_IsValid(proto.trajectory()), first);
+  options.kind =
+      KnownOr(options.kind, "kind", proto.kind(), Wire::Kind_IsValid(proto.kind()), first);
+  options.frame =
+      KnownOr(options.frame, "frame", proto.frame(), Wire::Frame_IsValid(proto.frame()), first);
+  first->Update(ReadDerivation(proto, &options));
+  options.reference_camera = proto.reference_camera();
+  options.sigma_px = proto.sigma_px();
+  options.association_tolerance_s = proto.association_tolerance_s();
+  options.seed = proto.seed();
+  options.accept_m = proto.accept_m();
+  if (proto.has_known_distance()) {
+    const v1::KnownDistance& known = proto.known_distance();
+    options.known_distance = {known.camera_a(), known.camera_b(), known.distance_m(),
+                              known.sigma_m()};
+  }
+  return options;
 }
 
 }  // namespace
@@ -114,42 +160,9 @@ v1::CalibrationOptions ToProto(const CalibrationOptions& options) {
 }
 
 absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto) {
-  for (const auto& [field, value] : {std::pair("intrinsics", proto.intrinsics()),
-                                     std::pair("time_offsets", proto.time_offsets()),
-                                     std::pair("marker_positions", proto.marker_positions())}) {
-    if (!v1::CalibrationOptions::Estimate_IsValid(value)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("options.", field, ": ", static_cast<int>(value), " is not known"));
-    }
-  }
-  if (!v1::CalibrationOptions::Trajectory_IsValid(proto.trajectory())) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "options.trajectory: ", static_cast<int>(proto.trajectory()), " is not known"));
-  }
-  if (!v1::CalibrationOptions::Kind_IsValid(proto.kind())) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("options.kind: ", static_cast<int>(proto.kind()), " is not known"));
-  }
-  if (!v1::CalibrationOptions::Frame_IsValid(proto.frame())) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("options.frame: ", static_cast<int>(proto.frame()), " is not known"));
-  }
-  CalibrationOptions options;
-  RIGCAL_RETURN_IF_ERROR(ReadDerivation(proto, &options));
-  options.trajectory = static_cast<TrajectoryChoice>(proto.trajectory());
-  options.reference_camera = proto.reference_camera();
-  options.intrinsics = static_cast<Estimate>(proto.intrinsics());
-  options.time_offsets = static_cast<Estimate>(proto.time_offsets());
-  options.marker_positions = static_cast<Estimate>(proto.marker_positions());
-  options.sigma_px = proto.sigma_px();
-  options.association_tolerance_s = proto.association_tolerance_s();
-  options.seed = proto.seed();
-  options.accept_m = proto.accept_m();
-  if (proto.has_known_distance()) {
-    const v1::KnownDistance& known = proto.known_distance();
-    options.known_distance = {known.camera_a(), known.camera_b(), known.distance_m(),
-                              known.sigma_m()};
-  }
+  absl::Status first;
+  CalibrationOptions options = ReadOptions(proto, &first);
+  RIGCAL_RETURN_IF_ERROR(first);
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   return options;
 }
@@ -205,7 +218,12 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
     calibration.progress_stage = static_cast<CalibrationStage>(proto.progress().stage());
   }
   calibration.progress_fraction = proto.progress().fraction();
-  RIGCAL_ASSIGN_OR_RETURN(calibration.options, FromProto(proto.options()));
+  absl::Status fault;
+  calibration.options = ReadOptions(proto.options(), &fault);
+  // One that has yet to be solved must be what was asked for.
+  const bool has_ended = calibration.state == CalibrationState::kSucceeded ||
+                         calibration.state == CalibrationState::kFailed;
+  if (!has_ended) RIGCAL_RETURN_IF_ERROR(fault);
   if (calibration.state == CalibrationState::kSucceeded) {
     RIGCAL_ASSIGN_OR_RETURN(calibration.result, ResultFromProto(proto));
   } else {

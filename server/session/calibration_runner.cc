@@ -254,6 +254,8 @@ absl::Status CalibrationRunner::Begin(Calibration* calibration) {
                      " times while it ran this calibration (out of memory?); use fewer "
                      "observations, or create it again"));
   }
+  // It may have been asked for in an earlier version.
+  RIGCAL_RETURN_IF_ERROR(calibration->options.Validate());
   calibration->state = CalibrationState::kRunning;
   calibration->start_utc_ns = UtcNowNs(options_.utc_now_ns);
   ++calibration->attempt_count;

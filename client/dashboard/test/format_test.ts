@@ -42,6 +42,7 @@ test('counts, sizes and times', () => {
   assert.equal(span(7260), '2 h 1 min');
   assert.equal(span(-3), '0 s');
   assert.equal(enumWords('FINDING_KIND_WEAK_LINK', 'FINDING_KIND_'), 'weak link');
+  assert.equal(enumWords(99, 'FINDING_KIND_'), 'unknown kind 99');
 });
 
 test('values of protobuf JSON', () => {

@@ -164,6 +164,14 @@ TEST(FormatCalibration, FitsANormalTerminalForUsualRigs) {
   for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 100u) << line;
 }
 
+TEST(FormatCalibration, ShowsAFindingOfALaterVersionWithWhatItSays) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.mutable_findings(0)->set_kind(static_cast<v1::FindingKind>(999));
+  calibration.mutable_findings(0)->set_advice("mind the gap");
+  EXPECT_THAT(FormatCalibration(calibration),
+              AllOf(HasSubstr("unknown kind 999"), HasSubstr("mind the gap")));
+}
+
 TEST(FormatCalibration, CannotSteerTheTerminal) {
   v1::Calibration calibration = FullCalibration("\x1b[2J");
   calibration.set_reference_camera("\x1b[2J");

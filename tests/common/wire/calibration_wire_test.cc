@@ -274,21 +274,54 @@ TEST(CalibrationWire, AttemptsAreForTheStoreAlone) {
             ToProto(FilledCalibration()).SerializeAsString());
 }
 
-TEST(CalibrationWire, UnknownFindingsAndGradesAreRefused) {
+// The store after a downgrade, or the JSON of a newer server.
+TEST(CalibrationWire, WhatALaterVersionHasAddedCostsNoCalibration) {
   const v1::Calibration good = ToProto(FilledCalibration());
-  ASSERT_THAT(FromProto(good), IsOk());
-  v1::Calibration bad = good;
-  bad.mutable_findings(0)->set_kind(static_cast<v1::FindingKind>(99));
-  EXPECT_THAT(FromProto(bad), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("kind")));
-  bad = good;
-  bad.mutable_findings(0)->clear_severity();
-  EXPECT_THAT(FromProto(bad), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("severity")));
-  bad = good;
-  bad.mutable_quality()->set_grade(static_cast<v1::Quality::Grade>(99));
-  EXPECT_THAT(FromProto(bad), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("grade")));
-  bad = good;
-  bad.clear_state();
-  EXPECT_THAT(FromProto(bad), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("state")));
+  v1::Calibration later = good;
+  later.mutable_findings(0)->set_kind(static_cast<v1::FindingKind>(999));
+  later.mutable_findings(0)->set_advice("mind the gap");
+  later.mutable_findings(0)->set_severity(static_cast<v1::FindingSeverity>(99));
+  later.mutable_quality()->set_grade(static_cast<v1::Quality::Grade>(99));
+  ASSERT_OK_AND_ASSIGN(const Calibration read, FromProto(later));
+  const Finding& finding = read.result->findings.at(0);
+  EXPECT_EQ(finding.kind, FindingKind::kUnspecified);
+  EXPECT_EQ(finding.unknown_kind, 999);
+  EXPECT_EQ(finding.advice, "mind the gap");
+  EXPECT_EQ(finding.severity, FindingSeverity::kWarning);
+  EXPECT_EQ(read.result->quality.grade, QualityGrade::kNotEvaluated);
+  EXPECT_EQ(read.result->cameras.size(), FilledCalibration().result->cameras.size());
+  // It goes on as it came.
+  EXPECT_EQ(static_cast<int>(ToProto(read).findings(0).kind()), 999);
+  ASSERT_OK_AND_ASSIGN(const Calibration stored, ParseCalibration(SerializeCalibration(read)));
+  EXPECT_EQ(stored.result->findings.at(0).unknown_kind, 999);
+  // In JSON a kind comes by its name, which an older reader has not.
+  later.mutable_findings(0)->clear_kind();
+  later.mutable_findings(0)->clear_severity();
+  EXPECT_THAT(FromProto(later), IsOk());
+  later.clear_state();
+  EXPECT_THAT(FromProto(later), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("state")));
+}
+
+TEST(CalibrationWire, OptionsOfARecordAreNotValidatedAgain) {
+  Calibration old = FilledCalibration();
+  old.options.sigma_px = -1;
+  ASSERT_FALSE(old.options.Validate().ok());
+  EXPECT_THAT(FromProto(ToProto(old.options)), StatusIs(absl::StatusCode::kInvalidArgument, _));
+  ASSERT_OK_AND_ASSIGN(const Calibration read, ParseCalibration(SerializeCalibration(old)));
+  EXPECT_EQ(read.options.sigma_px, -1);
+  EXPECT_TRUE(read.result);
+  // Values of a later version.
+  v1::Calibration later = ToProto(FilledCalibration());
+  later.mutable_options()->set_intrinsics(static_cast<v1::CalibrationOptions::Estimate>(42));
+  later.mutable_options()->set_kind(static_cast<v1::CalibrationOptions::Kind>(42));
+  later.mutable_options()->add_given_intrinsics()->set_camera("without a lens");
+  ASSERT_OK_AND_ASSIGN(const Calibration newer, FromProto(later));
+  EXPECT_EQ(newer.options.intrinsics, Estimate::kDefault);
+  EXPECT_EQ(newer.options.sigma_px, FilledCalibration().options.sigma_px);
+  // One that has yet to be solved is not solved in another way than was asked for.
+  later.set_state(v1::Calibration::STATE_QUEUED);
+  EXPECT_THAT(FromProto(later),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("options.intrinsics")));
 }
 
 }  // namespace

@@ -81,7 +81,9 @@ export function percent(share: number | undefined, decimals = 0): string {
 }
 
 /** The value of an enum without its prefix, as words: STATE_CAPTURING -> capturing. */
-export function enumWords(value: string | undefined, prefix: string): string {
+// A value of a later version comes as its number.
+export function enumWords(value: string | number | undefined, prefix: string): string {
   if (!value) return missing;
+  if (typeof value === 'number') return `unknown kind ${value}`;
   return (value.startsWith(prefix) ? value.slice(prefix.length) : value).toLowerCase().replaceAll('_', ' ');
 }

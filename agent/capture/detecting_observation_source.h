@@ -39,9 +39,9 @@ struct DetectingOptions {
 };
 
 // Observations of a camera that yields frames: one per frame, empty if the wand is not found.
-// Refused counts faults of the frames (picture_black, picture_saturated, too_many_blobs) and
-// marker_covered for each sphere that is half occluded; they are logged from time to time, as is an
-// exposure shorter than one blink of the target.
+// Refused counts faults of the frames (frame_black, frame_saturated, too_many_blobs) and
+// marker_occluded for each sphere that is half occluded; they are logged from time to time, as is
+// an exposure shorter than one blink of the target.
 class DetectingObservationSource : public ObservationSource {
  public:
   // INVALID_ARGUMENT: the options, or a mask that does not fit; NOT_FOUND: no such mask. Messages

@@ -22,7 +22,7 @@ namespace rigcal::agent {
 // Observations of a camera that yields events: one for each detection of BlinkWandDetector, empty
 // if the wand is not found. Refused counts faults of the stream (event_unknown_word,
 // event_outside_geometry, event_before_time, event_truncated_bytes) and of the detections
-// (event_trigger_too_dense, event_answer_without_data, event_out_of_order).
+// (event_trigger_too_dense, event_detection_without_data, event_detection_out_of_order).
 class EventObservationSource : public ObservationSource {
  public:
   EventObservationSource(std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options)

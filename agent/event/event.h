@@ -6,9 +6,9 @@
 
 namespace rigcal::agent {
 
-// One change of brightness at one pixel, eight bytes; its time counts from the block it stands in.
+// One change of brightness at one pixel, eight bytes.
 struct PackedEvent {
-  uint32_t time_us;     // since EventBlock::base_time_us
+  uint32_t time_us;     // the sensor's clock, modulo 2^32
   uint16_t x;           // column
   uint16_t y_polarity;  // row in bits 0 to 14; bit 15: brighter
   uint16_t y() const { return y_polarity & 0x7fff; }

@@ -15,7 +15,7 @@ struct OutlinePixels {
   static constexpr size_t kGroup = 16;
 
   std::vector<float> x, y;       // px
-  std::vector<float> coverage;   // see CoveragePixel
+  std::vector<float> coverage;   // of each pixel by the marker, 1 where its whole light is seen
   std::vector<float> precision;  // 1 / sigma of the coverage; 0: counts nothing
   // How strongly white light shades the coverage of this pixel's channel, against the channel in
   // which the marker stands out most; 1 where all channels are measured.

@@ -25,7 +25,7 @@ std::optional<int64_t> TimeFromName(std::string_view name);
 // Times from a file beside the images. Lines are `name;timestamp_ns` for named images, or
 // `timestamp_ns` for the first, second, ... frame of a video; a first line of words is a heading,
 // blank lines and those beginning with '#' are left out. What cannot be read is counted as
-// timestamps_bad_line, a name that is there again as timestamps_twice (the first one counts).
+// timestamp_bad_line, a name that is there again as timestamp_duplicate (the first one counts).
 struct FrameTimes {
   bool is_there = false;  // a file of times
   std::map<std::string, int64_t, std::less<>> by_name;

@@ -17,7 +17,7 @@ namespace rigcal::agent {
 // Times are those of `timestamps_path` (a line timestamp_ns for each frame), else of
 // STEM.timestamps.csv beside the video, else fps, else the file's own. Refused: frame_no_time (no
 // time, or none after the previous one), frame_wrong_size. Frames that a truncated file lacks are
-// counted as video_ends_early and lost.
+// counted as video_truncated and lost.
 class VideoFrameSource : public RecordedFrameSource {
  public:
   // NOT_FOUND: no such file. FAILED_PRECONDITION: it cannot be read as a video, or has no frame.

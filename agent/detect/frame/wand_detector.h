@@ -40,7 +40,7 @@ class WandDetector {
   static absl::StatusOr<WandDetector> Create(const WandDetectorOptions& options,
                                              const Target& target, const CameraDescription& camera);
 
-  // Pixels that never belong to a marker from now on (StaticMask), of the images' size.
+  // Pixels that never belong to a marker from now on (StaticMaskLearner), of the images' size.
   void SetIgnored(const PixelMask& ignored) { search_.spot_finder().SetIgnored(ignored); }
   // Nor those of this background, while they look like it; null: none. It outlives the detector.
   void SetBackground(StaticBackground* background) {

@@ -17,7 +17,6 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr uint64_t kMaxSegmentBytes = uint64_t{8} << 20;
 constexpr uint64_t kMinSegmentBytes = uint64_t{16} << 10;
 
 std::string StreamText(const StreamKey& key) {

@@ -36,6 +36,8 @@ struct SegmentHeader {
 // More than any header has.
 inline constexpr size_t kMaxHeaderBytes = 1024;
 inline constexpr size_t kRecordPrefixBytes = 16;
+// A segment is full at this size. A longer file is none that an agent has written.
+inline constexpr uint64_t kMaxSegmentBytes = uint64_t{8} << 20;
 // Of a record; more clock samples than fit are left out.
 inline constexpr size_t kMaxRecordBytes = size_t{64} << 10;
 

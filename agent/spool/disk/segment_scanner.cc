@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/spool/disk/segment_scanner.h"
 
+#include <algorithm>
 #include <string_view>
 #include <utility>
 
@@ -11,8 +12,10 @@ void SegmentScanner::Fill() {
   buffer_.erase(0, position_);
   position_ = 0;
   const uint64_t from = buffer_offset_ + buffer_.size();
-  absl::StatusOr<std::string> piece = file_->ReadAt(from, piece_bytes_);
-  if (!piece.ok()) piece = file_->ReadAt(from, piece_bytes_);
+  const auto wanted = static_cast<size_t>(
+      std::min<uint64_t>(piece_bytes_, kMaxSegmentBytes - std::min(from, kMaxSegmentBytes)));
+  absl::StatusOr<std::string> piece = file_->ReadAt(from, wanted);
+  if (!piece.ok()) piece = file_->ReadAt(from, wanted);
   // What cannot be read is lost like what is damaged.
   if (!piece.ok() || piece->size() < piece_bytes_) at_end_ = true;
   if (!piece.ok()) return;

@@ -13,6 +13,7 @@
 namespace rigcal::agent {
 
 // Reads the intact records of a segment one after the other, and goes on behind damaged bytes.
+// What is behind kMaxSegmentBytes is not looked at: a damaged size must not cost hours.
 // Reads pieces of `piece_bytes`, and holds at most two of them, or one record.
 class SegmentScanner {
  public:

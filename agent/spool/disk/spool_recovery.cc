@@ -21,6 +21,7 @@ struct FoundSegment {
   SegmentName name;
   Segment segment;
   std::optional<SegmentHeader> header;  // none: damaged
+  bool is_cut = false;                  // it was longer than any segment
 };
 
 // What stands at the end of a stream's last segment.
@@ -60,20 +61,35 @@ class Recovery {
       }
       const std::optional<SegmentName> name = ParseSegmentName(entry.name);
       if (!name) continue;
+      const uint64_t size = CutTo(kMaxSegmentBytes, entry);
       segments_[name->stream_number].push_back(
           {.name = *name,
            .segment = {.ordinal = name->ordinal,
                        .first_seq = name->first_seq,
                        .end_seq = name->first_seq,
-                       .bytes = entry.size,
+                       .bytes = size,
                        .path = absl::StrCat(folder_, "/", entry.name),
                        .file = nullptr},
-           .header = std::nullopt});
-      result_.bytes += entry.size;
+           .header = std::nullopt,
+           .is_cut = size < entry.size});
+      result_.bytes += size;
       result_.last_ordinal = std::max(result_.last_ordinal, name->ordinal);
       result_.last_stream_number = std::max(result_.last_stream_number, name->stream_number);
     }
     return absl::OkStatus();
+  }
+
+  // A segment's file that is longer than any, by holes or by what others wrote into it: the rest is
+  // damage, takes no room in the spool, and is not read.
+  uint64_t CutTo(uint64_t size, const FileSystem::Entry& entry) {
+    if (entry.size <= size) return entry.size;
+    const std::string path = absl::StrCat(folder_, "/", entry.name);
+    const auto file = files_.Open(path);
+    const absl::Status cut = file.ok() ? (*file)->Truncate(size) : file.status();
+    spdlog::error("spool: {} is damaged: it has {} MiB, and no segment has more than {} MiB; {}",
+                  path, entry.size >> 20, size >> 20,
+                  cut.ok() ? "the rest is cut off" : std::string(cut.message()));
+    return size;
   }
 
   void ReadCheckpoint(uint64_t size) {
@@ -189,6 +205,8 @@ class Recovery {
       tail = last.segment.bytes > header ? last.segment.bytes - header : 0;
     }
     if (tail == 0) return end;
+    // The size of a file that was cut tells nothing of how many there were.
+    if (last.is_cut) tail = 1;
     const uint64_t usual = records == 0 ? tail : std::max<uint64_t>(1, bytes / records);
     const uint64_t lost = std::max<uint64_t>(1, (tail + usual / 2) / usual);
     end.end = static_cast<uint32_t>(std::min<uint64_t>(end.end + lost, kMaxSeq));

@@ -4,11 +4,14 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
 #include "agent/spool/disk/segment_format.h"
 #include "tests/agent/spool/disk/spool_reading.h"
+#include "tests/testing/temporary_directory.h"
 
 namespace rigcal::agent::disk_spool_corruption_test {
 namespace {
@@ -187,6 +190,81 @@ TEST_F(DiskSpoolCorruption, IsNotConfusedByASegmentOfAnotherStream) {
   EXPECT_THAT(spool->Streams(), SizeIs(1));
   EXPECT_THAT(ReadRows(*spool, kLeft, 1).rows, SizeIs(kRows));
   EXPECT_EQ(spool->Status().dropped.size(), 1u);
+}
+
+// On a real file system, whose files may have holes: 20 GiB that take no room.
+class DiskSpoolHoles : public ::testing::Test {
+ protected:
+  static constexpr uintmax_t kHuge = uintmax_t{20} << 30;
+
+  DiskSpoolOptions Options() const {
+    DiskSpoolOptions options = ModelOptions();
+    options.folder = (directory_.path() / "spool").string();
+    return options;
+  }
+  void SetUp() override {
+    const auto spool = DiskSpool::Create(Options());
+    ASSERT_THAT(spool, IsOk());
+    ASSERT_THAT((*spool)->Open(kLeft, 1, 1), IsOk());
+    ASSERT_NO_FATAL_FAILURE(AppendRows(**spool, kLeft, 1, kRows));
+    (*spool)->Maintain();
+  }
+  std::vector<std::filesystem::path> Segments() const {
+    std::vector<std::filesystem::path> paths;
+    for (const auto& entry : std::filesystem::directory_iterator(directory_.path() / "spool")) {
+      if (entry.path().extension() == ".seg") paths.push_back(entry.path());
+    }
+    std::ranges::sort(paths);
+    return paths;
+  }
+  // What is sent, and what is counted as damaged.
+  ReadStreamRows Read() {
+    const auto spool = DiskSpool::Create(Options());
+    EXPECT_THAT(spool, IsOk());
+    ReadStreamRows read = ReadRows(**spool, kLeft, 1);
+    EXPECT_LT((*spool)->Status().bytes, uint64_t{64} << 20) << "what is no segment takes no room";
+    const auto dropped = (*spool)->Status().dropped;
+    EXPECT_EQ(dropped.empty() ? 0 : dropped[0].count, read.dropped.size());
+    return read;
+  }
+
+  ::rigcal::testing::TemporaryDirectory directory_;
+};
+
+TEST_F(DiskSpoolHoles, ALastSegmentOfTwentyGigabytesLosesNoRow) {
+  std::filesystem::resize_file(Segments().back(), kHuge);
+  const ReadStreamRows read = Read();
+  EXPECT_THAT(read.rows, SizeIs(kRows));
+  EXPECT_THAT(read.dropped, SizeIs(1)) << "the damage is counted";
+  EXPECT_LE(std::filesystem::file_size(Segments().back()), kMaxSegmentBytes);
+}
+
+TEST_F(DiskSpoolHoles, EverySegmentOfTwentyGigabytesLosesNoRow) {
+  for (const auto& path : Segments()) std::filesystem::resize_file(path, kHuge);
+  const ReadStreamRows read = Read();
+  EXPECT_THAT(read.rows, SizeIs(kRows));
+}
+
+TEST_F(DiskSpoolHoles, AHoleInPlaceOfASegmentLosesItsRows) {
+  const auto segments = Segments();
+  ASSERT_EQ(segments.size(), 3u);
+  std::filesystem::resize_file(segments[1], 0);
+  std::filesystem::resize_file(segments[1], kHuge);
+  const ReadStreamRows read = Read();
+  EXPECT_THAT(read.rows, ::testing::Contains(1));
+  EXPECT_THAT(read.rows, ::testing::Contains(kRows));
+  EXPECT_EQ(read.rows.size() + read.dropped.size(), kRows);
+  EXPECT_GT(read.dropped.size(), 500u);
+}
+
+TEST_F(DiskSpoolHoles, AHoleThatNothingNamesIsCounted) {
+  const std::string name = FormatSegmentName({.ordinal = 999, .stream_number = 77, .first_seq = 1});
+  std::ofstream(directory_.path() / "spool" / name).put('x');
+  std::filesystem::resize_file(directory_.path() / "spool" / name, kHuge);
+  const auto spool = DiskSpool::Create(Options());
+  ASSERT_THAT(spool, IsOk());
+  EXPECT_THAT(ReadRows(**spool, kLeft, 1).rows, SizeIs(kRows));
+  EXPECT_THAT((*spool)->Status().dropped, SizeIs(1));
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/marker_cost.h"
 #include "server/solve/bundle/rigid_marker_cost.h"
+#include "server/solve/bundle/target_scale.h"
 
 namespace rigcal::server {
 namespace {
@@ -325,7 +326,7 @@ absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem*
   }
   blocks.Store(problem);
   result.initial_cost = summary.initial_cost;
-  result.final_cost = summary.final_cost;
+  result.final_cost = summary.final_cost - SettleScale(problem).gain;
   result.iterations = static_cast<int>(summary.iterations.size()) - 1;
   result.converged = summary.termination_type == ceres::CONVERGENCE;
   return result;

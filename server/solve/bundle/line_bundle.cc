@@ -197,7 +197,7 @@ absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options,
     if (!std::isfinite(summary.initial_cost)) return UnseenMarker(*problem);
     RIGCAL_RETURN_IF_ERROR(solver.Run(&summary));
     solver.Store(problem);
-    summary.final_cost -= SettleScale(problem);
+    summary.final_cost -= SettleScale(problem).gain;
     return summary;
   };
   return WithSolver<BundleSummary>(options, *problem, solve);

@@ -81,20 +81,6 @@ void AddPathPrior(const TrajectoryProblem& problem, size_t span_index, BandedMat
   }
 }
 
-double PathPriorScalePull(const TrajectoryProblem& problem) {
-  double pull = 0;
-  for (const TrajectorySpan& span : problem.spans) {
-    for (Eigen::Index k = 0; k + 4 <= span.knot_count(); ++k) {
-      Eigen::Vector3d difference = Eigen::Vector3d::Zero();
-      for (Eigen::Index a = 0; a < 4; ++a) {
-        difference += kThirdDifference[a] * span.knots.segment<3>((k + a) * span.size);
-      }
-      pull += difference.squaredNorm() / (problem.origin_sigma * problem.origin_sigma);
-    }
-  }
-  return pull;
-}
-
 void AddPathFreedom(const TrajectoryProblem& problem, size_t span_index,
                     const BandedMatrix& covariance, PathFreedom* freedom) {
   const TrajectorySpan& span = problem.spans[span_index];

@@ -22,10 +22,6 @@ double PathPriorCost(const TrajectoryProblem& problem);
 void AddPathPrior(const TrajectoryProblem& problem, size_t span, BandedMatrix* matrix,
                   Eigen::VectorXd* gradient);
 
-// The derivative of its cost by the logarithm of the unit of length: how hard it pulls at the scale
-// of the path.
-double PathPriorScalePull(const TrajectoryProblem& problem);
-
 // What the paths still are free in, where the data have their say as well.
 struct PathFreedom {
   double values = 0;  // numbers of the data that the paths take up

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/target_scale.h"
 #include "server/solve/trajectory/trajectory_system.h"
 
 namespace rigcal::server {
@@ -39,6 +39,19 @@ double UpdateSigma(double square, double by_data, double variance, double* sigma
   const double factor = std::clamp(wanted / *sigma, 1 / kMaxSigmaStep, kMaxSigmaStep);
   *sigma *= factor;
   return std::abs(std::log(factor));
+}
+
+// As SettleScale, the path with the rest: in units of the wand it is the same path.
+double SettleScaleOfPath(TrajectoryProblem* problem) {
+  const SettledScale settled = SettleScale(&problem->rows);
+  problem->origin_sigma *= settled.factor;
+  for (TrajectorySpan& span : problem->spans) {
+    for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
+      auto origin_m = span.knots.segment<3>(k * span.size);
+      origin_m = (settled.centre_m + settled.factor * (origin_m - settled.centre_m)).eval();
+    }
+  }
+  return settled.gain;
 }
 
 }  // namespace
@@ -77,15 +90,12 @@ absl::StatusOr<TrajectorySummary> AdjustTrajectory(const BundleOptions& options,
                                        scale * scale / std::max(kMinFreedom, 1 - taken / numbers));
       summary.residual_sigma = std::sqrt(variance);
       summary.path_freedom = freedom.values;
-      // As the path is now: with another sigma it has yet to settle.
-      const double by_prior =
-          freedom.origin_square / (problem->origin_sigma * problem->origin_sigma);
       const double origin = UpdateSigma(freedom.origin_square, freedom.origin_by_data, variance,
                                         &problem->origin_sigma);
       const double direction = UpdateSigma(freedom.direction_square, freedom.direction_by_data,
                                            variance, &problem->direction_sigma);
       sigmas_settled = std::max(origin, direction) < kSettled;
-      system.CountPaths(variance, sigmas_settled ? std::optional<double>() : by_prior);
+      system.CountPaths(variance);
       last_cost = std::numeric_limits<double>::infinity();
       if (!system.Linearise()) return absl::InternalError("trajectory: the path broke down");
     } else if (sigmas_settled && gain < options.function_tolerance) {
@@ -94,15 +104,16 @@ absl::StatusOr<TrajectorySummary> AdjustTrajectory(const BundleOptions& options,
     }
     last_cost = system.cost();
     ++summary.iterations;
-    if (!system.Step()) {
+    const TrajectorySystem::StepOutcome outcome = system.Step();
+    if (outcome != TrajectorySystem::StepOutcome::kTaken) {
       if (sigmas_settled) {
-        summary.converged = true;
+        summary.converged = outcome == TrajectorySystem::StepOutcome::kNoGain;
         break;
       }
       last_cost = system.cost();  // at the optimum of these sigmas
     }
   }
-  summary.final_cost = system.cost();
+  summary.final_cost = system.cost() - SettleScaleOfPath(problem);
   return summary;
 }
 

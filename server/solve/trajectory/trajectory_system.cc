@@ -13,8 +13,6 @@ namespace rigcal::server {
 namespace {
 
 constexpr int kMaxHalvings = 8;
-constexpr double kSameCentreM = 1e-9;
-constexpr double kFreedShare = 0.999;  // so that what is left stays positive definite
 
 // Rows and columns from `first` on.
 Eigen::MatrixXd LocalInverse(const BandedMatrix& inverse, Eigen::Index first, Eigen::Index count) {
@@ -62,43 +60,77 @@ bool TrajectorySystem::DataCost(double* cost) const {
   return visible && std::isfinite(*cost);
 }
 
-void TrajectorySystem::FreeScale() {
+void TrajectorySystem::FindScaleDirection() {
   const BundleProblem& rows = problem_.rows;
-  scale_gradient_ = scale_root_ = Eigen::VectorXd::Zero(layout_.column_count());
+  scale_.reset();
   if (layout_.spacing_column < 0) return;
-  // All lengths grow about the centre of the camera that is held.
-  const auto held = std::ranges::find(rows.cameras, true, &BundleCamera::pose_fixed);
-  if (held == rows.cameras.end() || held->cam_from_rig.translation_m.norm() > kSameCentreM) return;
-  const double path = PathPriorScalePull(problem_);
-  double counted = 0, square = 0;
-  for (size_t s = 0; s < count_gradient_of_knots_.size(); ++s) {
-    const TrajectorySpan& span = problem_.spans[s];
-    for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
-      const Eigen::Index first = k * span.size;
-      counted += count_gradient_of_knots_[s].segment<3>(first).dot(span.knots.segment<3>(first));
-    }
-  }
+  const std::optional<Eigen::Vector3d> centre_m = FixedCentre(rows);
+  if (!centre_m) return;
+  ScaleDirection scale{*centre_m, Eigen::VectorXd::Zero(layout_.column_count()),
+                       Eigen::VectorXd::Zero(layout_.column_count())};
+  double square = 0;
   for (int i = 0; i < layout_.column_count(); ++i) {
     const ReducedParameter& parameter = layout_.parameters[static_cast<size_t>(i)];
     const auto index = static_cast<size_t>(parameter.index);
-    double length_m = 0;
     if (parameter.kind == ReducedParameterKind::kTranslation) {
-      length_m = rows.cameras[index].cam_from_rig.translation_m[parameter.component];
+      const RigidTransform& pose = rows.cameras[index].cam_from_rig;
+      scale.reduced[i] = (pose * *centre_m)[parameter.component];
     } else if (parameter.kind == ReducedParameterKind::kMarkerPosition) {
-      length_m = rows.target.marker_positions_m[index];
-      scale_root_[i] = length_m;
-      square += length_m * length_m;
+      scale.reduced[i] = scale.size_slope[i] = rows.target.marker_positions_m[index];
+      square += scale.reduced[i] * scale.reduced[i];
     }
-    if (count_gradient_.size() > 0) counted += count_gradient_[i] * length_m;
   }
   if (!(square > 0)) return;
-  // Before paths are counted the path is a rough one, which pulls far too much.
-  if (count_gradient_.size() > 0) {
-    scale_gradient_ = -(scale_pull_.value_or(path) + counted) / square * scale_root_;
+  scale.size_slope /= square;
+  scale_ = std::move(scale);
+}
+
+double TrajectorySystem::SizeM() const {
+  double square = 0;
+  for (const double position_m : problem_.rows.target.marker_positions_m) {
+    square += position_m * position_m;
   }
-  scale_root_ *= std::sqrt(kFreedShare * path) / square;
-  gradient_ += scale_gradient_;
-  matrix_.selfadjointView<Eigen::Lower>().rankUpdate(scale_root_, -1);
+  return std::sqrt(square);
+}
+
+void TrajectorySystem::AddPath(size_t span_index) {
+  SpanSystem& system = systems_[span_index];
+  const TrajectorySpan& span = problem_.spans[span_index];
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(span.knots.size());
+  AddPathPrior(problem_, span_index, &system.matrix, &pull);
+  system.gradient += pull;
+  if (!scale_) return;
+  // Of the origins alone: directions have no size.
+  double by_size = 0;
+  for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
+    const Eigen::Index first = k * span.size;
+    by_size += pull.segment<3>(first).dot(span.knots.segment<3>(first));
+    if (span.has_direction()) pull.segment<3>(first + 3).setZero();
+  }
+  // A third difference over a sigma that grows with the wand: its derivative by the wand's size is
+  // minus itself.
+  system.border.noalias() -= pull * scale_->size_slope.transpose();
+  matrix_.selfadjointView<Eigen::Lower>().rankUpdate(scale_->size_slope, by_size);
+  gradient_ -= by_size * scale_->size_slope;
+}
+
+void TrajectorySystem::AddCount() {
+  counted_ = count_gradient_;
+  if (counted_.size() == 0) return;
+  if (scale_) {
+    double counted = counted_.dot(scale_->reduced);
+    for (size_t s = 0; s < systems_.size(); ++s) {
+      const TrajectorySpan& span = problem_.spans[s];
+      for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
+        const Eigen::Index first = k * span.size;
+        counted += count_gradient_of_knots_[s].segment<3>(first).dot(span.knots.segment<3>(first) -
+                                                                     scale_->centre_m);
+      }
+    }
+    counted_ -= counted * scale_->size_slope;
+  }
+  gradient_ += counted_;
+  for (size_t s = 0; s < systems_.size(); ++s) systems_[s].gradient += count_gradient_of_knots_[s];
 }
 
 bool TrajectorySystem::Linearise() {
@@ -142,12 +174,10 @@ bool TrajectorySystem::Linearise() {
   if (!visible) return false;
   const LineBundleEstimate estimate(problem_.rows, layout_, packed_);
   estimate.AddPriors(&matrix_, &gradient_);
-  if (count_gradient_.size() > 0) gradient_ += count_gradient_;
-  FreeScale();
-  for (size_t s = 0; s < systems_.size(); ++s) {
-    SpanSystem& system = systems_[s];
-    AddPathPrior(problem_, s, &system.matrix, &system.gradient);
-    if (!count_gradient_of_knots_.empty()) system.gradient += count_gradient_of_knots_[s];
+  FindScaleDirection();
+  for (size_t s = 0; s < systems_.size(); ++s) AddPath(s);
+  AddCount();
+  for (SpanSystem& system : systems_) {
     if (!system.matrix.Factor()) return false;
     system.matrix.SolveLower(system.border);
     system.matrix.SolveLower(system.gradient);
@@ -160,13 +190,13 @@ bool TrajectorySystem::Linearise() {
   return true;
 }
 
-bool TrajectorySystem::Step() {
+TrajectorySystem::StepOutcome TrajectorySystem::Step() {
   Eigen::VectorXd reduced = Eigen::VectorXd::Zero(gradient_.size());
   if (gradient_.size() > 0) {
     const Eigen::VectorXd scale = matrix_.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd whole = matrix_.selfadjointView<Eigen::Lower>();
     const Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * whole * scale.asDiagonal());
-    if (factor.info() != Eigen::Success) return false;
+    if (factor.info() != Eigen::Success) return StepOutcome::kSingular;
     reduced = -scale.cwiseProduct(factor.solve(scale.cwiseProduct(gradient_)));
   }
   std::vector<Eigen::VectorXd> knot_steps;
@@ -178,15 +208,14 @@ bool TrajectorySystem::Step() {
   const LineBundleEstimate before(problem_.rows, layout_, packed_);
   LineBundleEstimate moved(problem_.rows, layout_, packed_);
   const std::vector<TrajectorySpan> spans = problem_.spans;
+  const double origin_sigma = problem_.origin_sigma, size_m = SizeM();
   double counted = 0;
-  if (count_gradient_.size() > 0) {
-    counted = count_gradient_.dot(reduced);
+  if (counted_.size() > 0) {
+    counted = counted_.dot(reduced);
     for (size_t s = 0; s < spans.size(); ++s) {
       counted += count_gradient_of_knots_[s].dot(knot_steps[s]);
     }
   }
-  counted += scale_gradient_.dot(reduced);
-  const double bent = 0.5 * std::pow(scale_root_.dot(reduced), 2);
   for (int i = 0; i < kMaxHalvings; ++i) {
     const double length = std::pow(0.5, i);
     moved.MoveReduced(before, length * reduced);
@@ -194,16 +223,17 @@ bool TrajectorySystem::Step() {
     for (size_t s = 0; s < spans.size(); ++s) {
       problem_.spans[s].knots = spans[s].knots + length * knot_steps[s];
     }
+    if (scale_) problem_.origin_sigma = origin_sigma * SizeM() / size_m;
     double data = 0;
     if (DataCost(&data) &&
-        data + PathPriorCost(problem_) + moved.PriorCost() + length * (counted - length * bent) <
-            cost_) {
-      return true;
+        data + PathPriorCost(problem_) + moved.PriorCost() + length * counted < cost_) {
+      return StepOutcome::kTaken;
     }
   }
   before.Store(packed_, &problem_.rows);
   problem_.spans = spans;
-  return false;
+  problem_.origin_sigma = origin_sigma;
+  return StepOutcome::kNoGain;
 }
 
 PathFreedom TrajectorySystem::MeasureFreedom() const {
@@ -214,8 +244,7 @@ PathFreedom TrajectorySystem::MeasureFreedom() const {
   return freedom;
 }
 
-void TrajectorySystem::CountPaths(double variance, std::optional<double> scale_pull) {
-  scale_pull_ = scale_pull;
+void TrajectorySystem::CountPaths(double variance) {
   count_gradient_ = Eigen::VectorXd::Zero(layout_.column_count());
   count_gradient_of_knots_.clear();
   for (const TrajectorySpan& span : problem_.spans) {

@@ -30,9 +30,13 @@ class TrajectorySystem {
   const Eigen::VectorXd& gradient() const { return gradient_; }
   const LineBundleLayout& layout() const { return layout_; }
 
-  // One Gauss-Newton step from the last linearisation, halved until the cost is lower. False: no
-  // such step was found, and the problem is as it was.
-  bool Step();
+  enum class StepOutcome {
+    kTaken,
+    kNoGain,    // no step lowers the cost; the problem is as it was
+    kSingular,  // the data do not determine the parameters; likewise
+  };
+  // One Gauss-Newton step from the last linearisation, halved until the cost is lower.
+  StepOutcome Step();
 
   // Of the last linearisation, with the cameras held.
   // Before it is asked: PreparePathCovariance.
@@ -45,10 +49,7 @@ class TrajectorySystem {
   // Where there is more room, more paths fit; what is minimised is the cost of all of them
   // (Laplace's approximation of the marginal likelihood; MacKay 1999, Comparison of approximate
   // methods for handling hyperparameters).
-  //
-  // `scale_pull`: how much the path pulls at the scale, by its prior; none: as it does at each
-  // linearisation, which holds once the path has settled.
-  void CountPaths(double variance, std::optional<double> scale_pull);
+  void CountPaths(double variance);
 
   // Of the last linearisation, by row in the order of the problem: weight, whitened residual, and
   // its derivative by the reduced parameters where the knots give way to them.
@@ -73,10 +74,20 @@ class TrajectorySystem {
   };
   double Weight(const Eigen::Vector2d& residual) const;
   bool DataCost(double* cost) const;
-  // The unit of length is the spacing's business. Rows say nothing of it, and a path of half the
-  // size is no more likely: what the path's prior and the count of paths say about the scale is
-  // taken out again, by way of the spacing where it is estimated.
-  void FreeScale();
+
+  // The unit of length is the spacing's business, where that is estimated. Rows say nothing of it,
+  // and a path of half the size is no more likely. So a path is judged by the size of the wand:
+  // with the spacing grows the sigma of the third differences of the origin, and a rig that grows
+  // as a whole costs the path nothing. What the count of paths says about the scale is taken out.
+  struct ScaleDirection {
+    Eigen::Vector3d centre_m;    // of the camera that is held
+    Eigen::VectorXd reduced;     // by which the parameters grow when all lengths do, and knots with
+    Eigen::VectorXd size_slope;  // derivative of the logarithm of the wand's size
+  };
+  void FindScaleDirection();
+  double SizeM() const;  // of the wand: root of the sum of its squared positions
+  void AddPath(size_t span_index);
+  void AddCount();
 
   const BundleOptions& options_;
   TrajectoryProblem& problem_;
@@ -86,11 +97,9 @@ class TrajectorySystem {
   Eigen::MatrixXd matrix_;
   Eigen::VectorXd gradient_;
   double cost_ = 0;
-  // Of FreeScale: what it added to the gradient and took from the matrix, as a square of this.
-  Eigen::VectorXd scale_gradient_, scale_root_;
-  std::optional<double> scale_pull_;
+  std::optional<ScaleDirection> scale_;  // none: something else than the spacing has the scale
   // Of CountPaths; empty until then.
-  Eigen::VectorXd count_gradient_;
+  Eigen::VectorXd count_gradient_, counted_;  // counted: without the scale
   std::vector<Eigen::VectorXd> count_gradient_of_knots_;
 };
 

@@ -36,7 +36,6 @@ TEST(PathPriorTest, SteadyMotionWithoutTurnCostsNothing) {
     span.knots.segment<3>(k * span.size + 3) << 0.6, 0, 0.8;
   }
   EXPECT_NEAR(PathPriorCost(problem), 0, 1e-12);
-  EXPECT_NEAR(PathPriorScalePull(problem), 0, 1e-12);
   EXPECT_LT(Information(problem).gradient.norm(), 1e-6);
 }
 
@@ -56,16 +55,6 @@ TEST(PathPriorTest, GradientIsThatOfTheCost) {
       EXPECT_NEAR((above - below) / (2 * kStep), gradient[i], 1e-5 * gradient.norm());
     }
   }
-}
-
-// All lengths of a path of points twice as large: four times the cost.
-TEST(PathPriorTest, ScalePullIsTheDerivativeByTheSize) {
-  TrajectoryProblem problem = ShakyPath(true);
-  EXPECT_NEAR(PathPriorScalePull(problem), 2 * PathPriorCost(problem),
-              1e-9 * PathPriorCost(problem));
-  const double pull = PathPriorScalePull(problem);
-  problem.spans[0].knots *= 2;
-  EXPECT_NEAR(PathPriorScalePull(problem), 4 * pull, 1e-9 * pull);
 }
 
 TEST(PathPriorTest, FreedomIsWhatTheDataDecide) {
@@ -88,8 +77,15 @@ TEST(PathPriorTest, FreedomIsWhatTheDataDecide) {
   EXPECT_NEAR(all.values, numbers, 1e-6 * numbers);
   const double differences = 3 * static_cast<double>(problem.spans[0].knot_count() - 3);
   EXPECT_NEAR(all.origin_by_data, differences, 1e-3 * differences);
-  EXPECT_NEAR(all.origin_square * std::pow(problem.origin_sigma, -2), PathPriorScalePull(problem),
-              1e-9 * PathPriorScalePull(problem));
+  // A path of points costs half the sum of their squares.
+  const TrajectoryProblem points = ShakyPath(true);
+  BandedMatrix points_certain = Information(points).matrix;
+  for (Eigen::Index i = 0; i < points_certain.size(); ++i) points_certain(i, i) += 1e18;
+  ASSERT_TRUE(points_certain.Factor());
+  PathFreedom of_points;
+  AddPathFreedom(points, 0, points_certain.Inverse(), &of_points);
+  EXPECT_NEAR(of_points.origin_square * std::pow(points.origin_sigma, -2),
+              2 * PathPriorCost(points), 1e-9 * PathPriorCost(points));
 }
 
 }  // namespace

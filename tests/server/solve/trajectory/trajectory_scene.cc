@@ -39,7 +39,7 @@ TrajectorySpan RandomPath(const TrajectorySceneOptions& options, std::mt19937* r
   return span;
 }
 
-BundleCamera CameraOfRing(int index, int count) {
+BundleCamera CameraOfRing(int index, int count, double focal_px) {
   BundleCamera camera;
   camera.name = "camera_" + std::to_string(index);
   const double angle = 2 * M_PI * index / count;
@@ -52,7 +52,7 @@ BundleCamera CameraOfRing(int index, int count) {
   camera.cam_from_rig.translation_m = -(rotation * centre);
   camera.pose_fixed = index == 0;
   camera.intrinsics = IntrinsicsVector::Zero(IntrinsicsSize(camera.model));
-  camera.intrinsics.head<4>() << 800, 800, 640, 512;
+  camera.intrinsics.head<4>() << focal_px, focal_px, 640, 512;
   camera.middle_row = 512;
   camera.line_delay_fixed = false;
   return camera;
@@ -92,14 +92,21 @@ TrajectoryScene MakeTrajectoryScene(const TrajectorySceneOptions& options) {
   TrajectoryScene scene;
   TrajectoryProblem& truth = scene.ground_truth;
   truth.spans.push_back(RandomPath(options, &random));
-  const RigidTransform first_from_room = CameraOfRing(0, options.camera_count).cam_from_rig;
+  const RigidTransform first_from_room =
+      CameraOfRing(0, options.camera_count, options.focal_px).cam_from_rig;
   Move(first_from_room, &truth.spans[0]);
   truth.rows.target.fixed = !options.free_spacing;
-  truth.rows.target.marker_positions_m =
-      options.is_point ? std::vector<double>{0} : std::vector<double>{0, 0.13, 0.39};
-  truth.rows.target.given_positions_m = truth.rows.target.marker_positions_m;
+  std::vector<double> positions_m =
+      options.is_point ? std::vector<double>{0} : options.marker_positions_m;
+  truth.rows.target.span_sigma_m = options.span_sigma_m;
+  truth.rows.target.given_positions_m = positions_m;
+  for (size_t m = 1; options.draw_spans && m < positions_m.size(); ++m) {
+    const double longer_m = options.span_sigma_m * normal(random);
+    for (size_t n = m; n < positions_m.size(); ++n) positions_m[n] += longer_m;
+  }
+  truth.rows.target.marker_positions_m = positions_m;
   for (int c = 0; c < options.camera_count; ++c) {
-    BundleCamera camera = CameraOfRing(c, options.camera_count);
+    BundleCamera camera = CameraOfRing(c, options.camera_count, options.focal_px);
     camera.cam_from_rig = camera.cam_from_rig * first_from_room.Inverse();
     if (c == 0) camera.cam_from_rig = RigidTransform();
     camera.line_delay_s = options.line_delay_s * (c % 2 == 0 ? 1 : -0.5);
@@ -139,6 +146,7 @@ TrajectoryScene MakeTrajectoryScene(const TrajectorySceneOptions& options) {
     truth.rows.distance = BundleDistance{0, 1, (centre(0) - centre(1)).norm(), 1e-4};
   }
   scene.initial = truth;
+  scene.initial.rows.target.marker_positions_m = truth.rows.target.given_positions_m;
   const double error = options.initial_error;
   for (size_t c = 0; c < truth.rows.cameras.size(); ++c) {
     BundleCamera& camera = scene.initial.rows.cameras[c];
@@ -151,7 +159,17 @@ TrajectoryScene MakeTrajectoryScene(const TrajectorySceneOptions& options) {
     camera.cam_from_rig.translation_m += 0.005 * error * axis;
     scene.initial.rows.clocks[c].time_offset_s += 1e-3 * error * normal(random);
   }
-  for (double& value : scene.initial.spans[0].knots) value += 0.02 * error * normal(random);
+  TrajectorySpan& span = scene.initial.spans[0];
+  for (double& value : span.knots) value += 0.02 * error * normal(random);
+  for (BundleCamera& camera : scene.initial.rows.cameras) {
+    camera.cam_from_rig.translation_m *= options.initial_scale;
+  }
+  for (double& position_m : scene.initial.rows.target.marker_positions_m) {
+    position_m *= options.initial_scale;
+  }
+  for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
+    span.knots.segment<3>(k * span.size) *= options.initial_scale;
+  }
   return scene;
 }
 

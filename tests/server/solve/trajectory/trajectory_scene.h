@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "server/solve/trajectory/trajectory_problem.h"
 
@@ -18,8 +19,13 @@ struct TrajectorySceneOptions {
   double kept_share = 1;   // of the rows, at random
   double line_delay_s = 20e-6;
   bool is_point = false;
-  bool free_spacing = false;  // under a prior of 2 mm
-  double initial_error = 1;   // 1: cameras 5 mm and 5 mrad off, clocks 1 ms, the path 2 cm
+  bool free_spacing = false;
+  std::vector<double> marker_positions_m = {0, 0.13, 0.39};  // as given
+  double span_sigma_m = 0.002;                               // of the prior, if free
+  bool draw_spans = false;  // the true spans are other ones, by the prior
+  double focal_px = 800;
+  double initial_scale = 1;  // of all lengths, about the first camera
+  double initial_error = 1;  // 1: cameras 5 mm and 5 mrad off, clocks 1 ms, the path 2 cm
 };
 
 // Free-running cameras with rolling shutters in a ring around a target whose path is a spline.

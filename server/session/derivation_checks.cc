@@ -162,10 +162,9 @@ std::vector<std::string> HeldBy(const CalibrationOptions& options,
   };
   for (const auto& [camera, size] : SizesOf(sessions)) {
     if (IsNamed(options.without_cameras, camera)) continue;
-    if (options.kind == SolveKind::kRepair && !IsNamed(options.only_cameras, camera)) {
-      held.push_back(absl::StrCat("pose of ", camera));
-    }
-    if ((keeps_intrinsics && !is_refined_by_parent(camera)) ||
+    const bool stays = options.kind == SolveKind::kRepair && !IsNamed(options.only_cameras, camera);
+    if (stays) held.push_back(absl::StrCat("pose of ", camera));
+    if (stays || (keeps_intrinsics && !is_refined_by_parent(camera)) ||
         IsNamed(options.fixed_intrinsics, camera)) {
       held.push_back(absl::StrCat("intrinsics of ", camera));
     }

@@ -40,8 +40,8 @@ constexpr int kMaxLensRounds = 3;
 absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
                           const CalibrationOptions& options, const CalibrationHooks& hooks,
                           const std::map<std::string, CameraCounts>& counts,
-                          const RefusalCounter& refused, RigObservations* rig, Solved* solved,
-                          std::vector<Finding>* chosen) {
+                          const RefusalCounter& refused, const std::shared_ptr<const HeldRig>& held,
+                          RigObservations* rig, Solved* solved, std::vector<Finding>* chosen) {
   if (options.intrinsics != Estimate::kDefault && options.intrinsics != Estimate::kAuto) {
     return absl::OkStatus();
   }
@@ -53,7 +53,7 @@ absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
     });
     if (lenses.empty()) break;
     RigObservations changed = WithLenses(*rig, lenses);
-    RigSolveOptions solve = SolveOptionsOf(changed, options, hooks, counts);
+    RigSolveOptions solve = SolveOptionsOf(changed, options, hooks, counts, held);
     for (const BetterLens& lens : lenses) new_lens[lens.camera] = true;
     solve.new_lens = new_lens;
     absl::StatusOr<Solved> again = SolveAndReport(changed, clocks, solve, options, counts, refused);
@@ -241,7 +241,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     RIGCAL_RETURN_IF_ERROR(
         FollowClocks(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
     RIGCAL_RETURN_IF_ERROR(
-        ChooseLenses(clocks, options, hooks, counts, *refused, &rig, &*solved, &chosen));
+        ChooseLenses(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
     AddFindings(std::move(chosen), &*solved);
   }
   *refused = std::move(solved->refused);

@@ -8,6 +8,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/clocks/time_search.h"
 #include "server/solve/diagnose/odd_camera.h"
+#include "server/solve/rig/held_rig.h"
 #include "server/solve/time_search_report.h"
 
 namespace rigcal::server {
@@ -97,9 +98,11 @@ RigSolveOptions SolveOptionsOf(const RigObservations& rig, const CalibrationOpti
     if (hooks.progress) hooks.progress(stage, fraction);
   };
   solve.cancelled = hooks.cancelled;
-  for (const CameraDescription& camera : rig.index.cameras) {
-    solve.camera_notes.push_back(absl::StrCat(counts.at(camera.camera).wand_count, " wand views"));
-    solve.keep_intrinsics.push_back(KeepsIntrinsics(options, camera.camera));
+  for (size_t c = 0; c < rig.index.cameras.size(); ++c) {
+    const std::string& camera = rig.index.cameras[c].camera;
+    solve.camera_notes.push_back(absl::StrCat(counts.at(camera).wand_count, " wand views"));
+    const bool is_held = solve.held != nullptr && solve.held->Holds(c);
+    solve.keep_intrinsics.push_back(is_held || KeepsIntrinsics(options, camera));
   }
   return solve;
 }

@@ -229,6 +229,11 @@ OddCamera FindOddCamera(const RigObservations& rig, const std::vector<ClockCorre
                                    : static_cast<int>(found - rest.index.cameras.begin());
     // A distance may be to the camera that is left out; without one the unit does not matter here.
     without.known_distance.reset();
+    // What is said camera by camera goes with the cameras that are left.
+    if (c < without.keep_intrinsics.size()) {
+      without.keep_intrinsics.erase(without.keep_intrinsics.begin() +
+                                    static_cast<std::ptrdiff_t>(c));
+    }
     without.own_rates.clear();
     without.camera_notes.clear();
     without.progress = nullptr;

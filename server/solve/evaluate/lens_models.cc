@@ -235,6 +235,8 @@ absl::StatusOr<std::vector<BetterLens>> FindBetterLenses(const RigObservations& 
   std::vector<size_t> suspects;
   for (size_t c = 0; c < rings.size(); ++c) {
     const bool is_new = c < options.new_lens.size() && options.new_lens[c];
+    // A held camera's lens is that of the earlier calibration.
+    if (options.held != nullptr && options.held->Holds(c)) continue;
     if (!is_new && rings[c].sigmas > kMinRingSigmas && rings[c].share > kMinRingShare) {
       suspects.push_back(c);
     }

@@ -72,13 +72,20 @@ std::optional<RigInitialization> ResectedInitialization(
   RigInitialization initial = InitializationFrom(solution);
   initial.clocks = clocks;
   initial.instants.clear();
+  // Of several fixed cameras each is where it is known to be.
+  const bool are_held = std::ranges::count(problem.cameras, true, &BundleCamera::pose_fixed) > 1;
+  bool any = false;
   for (const int c : agreement.doubted) {
     const BundleCamera& camera = problem.cameras[static_cast<size_t>(c)];
+    if (are_held && camera.pose_fixed) continue;
+    any = true;
     const auto pose =
         Resect(SightsOf(problem, rays, trusted, c), 2 * kAgreementPx / camera.intrinsics[0]);
     if (!pose) return std::nullopt;
     initial.cameras[static_cast<size_t>(c)].cam_from_rig = *pose;
   }
+  if (!any) return std::nullopt;
+  if (are_held) return initial;
   // The rig frame is where its camera says, also where that is one of those found anew.
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     if (!problem.cameras[c].pose_fixed) continue;

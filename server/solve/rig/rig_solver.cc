@@ -242,7 +242,10 @@ class RigSolver {
 
   void Adopt(const RigInitialization& initial) {
     for (size_t c = 0; c < problem().cameras.size(); ++c) {
-      problem().cameras[c].cam_from_rig = initial.cameras[c].cam_from_rig;
+      // A held camera is where it is known to be, whatever an initialization has done to it.
+      if (options_.held == nullptr || !options_.held->Holds(c)) {
+        problem().cameras[c].cam_from_rig = initial.cameras[c].cam_from_rig;
+      }
       problem().cameras[c].intrinsics = initial.cameras[c].intrinsics;
     }
     problem().target.marker_positions_m = initial.marker_positions_m;

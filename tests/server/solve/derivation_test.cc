@@ -7,9 +7,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <string>
 #include <vector>
 
+#include "common/camera/camera_model.h"
+#include "common/camera/fit_intrinsics.h"
 #include "server/solve/evaluate/rig_difference.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
@@ -129,6 +132,98 @@ TEST(Derivation, ARefinementGoesOnWithRefinedLenses) {
     EXPECT_LT(std::abs(camera.intrinsics.fx_px - both.cameras[c].intrinsics.fx_px), 2 * sigma_px);
   }
   EXPECT_EQ(refined.camera_covariance.size(), both.camera_covariance.size());
+}
+
+// A camera that stands nearer since, behind a lens of 130 degrees. Returns its pose.
+RigidTransform PhotographWide(const SimulatedWorld& world, int camera, double from_s,
+                              const Intrinsics& lens, CameraTrack* track) {
+  RigidTransform cam_from_world = world.cameras()[static_cast<size_t>(camera)].cam_from_rig;
+  const Eigen::Vector3d middle_m(0, 0, 1.5);
+  const Eigen::Vector3d centre_m =
+      middle_m + 0.6 * (cam_from_world.SourceFromTargetTranslation() - middle_m);
+  cam_from_world.translation_m = -(cam_from_world.rotation * centre_m);
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0, 0.3);
+  const ImageSize size = track->camera.image_size_px;
+  for (size_t i = 0; i < track->observations.size(); ++i) {
+    const int frame = static_cast<int>(from_s * kRateHz) + static_cast<int>(i);
+    const WandPose wand = world.WandAt(world.FrameRigTime(camera, frame));
+    for (size_t m = 0; m < track->observations[i].markers.size(); ++m) {
+      MarkerObservation& marker = track->observations[i].markers[m];
+      Eigen::Vector2d pixel;
+      marker.visible = ImageOf(lens, cam_from_world * world.MarkerAt(wand, m), &pixel);
+      pixel += Eigen::Vector2d(noise(random), noise(random));
+      marker.visible = marker.visible && pixel.x() >= 0 && pixel.y() >= 0 &&
+                       pixel.x() <= size.width - 1 && pixel.y() <= size.height - 1;
+      if (marker.visible) marker.centre_px = pixel;
+    }
+  }
+  return cam_from_world;
+}
+
+// What a calibration of `lens` by another model gives, by a board in most of the image.
+Intrinsics DescribedBy(DistortionModel model, const Intrinsics& lens, const ImageSize& size) {
+  std::vector<RayPixel> rays;
+  for (uint32_t x = 0; x < size.width; x += 50) {
+    for (uint32_t y = 0; y < size.height; y += 50) {
+      const Eigen::Vector2d pixel(x, y);
+      const Eigen::Vector2d from_centre = pixel - Eigen::Vector2d(lens.cx_px, lens.cy_px);
+      if (from_centre.norm() > 0.45 * size.width) continue;
+      const auto ray = Undistort(lens, pixel);
+      if (ray.ok()) rays.push_back({ray->homogeneous(), pixel});
+    }
+  }
+  const auto fit = FitIntrinsics(model, rays, lens);
+  EXPECT_THAT(fit, IsOk());
+  return fit.ok() ? fit->intrinsics : lens;
+}
+
+void ExpectOthersAsBefore(const CalibrationResult& parent, const CalibrationResult& repaired,
+                          const std::string& solved) {
+  ASSERT_EQ(repaired.cameras.size(), parent.cameras.size());
+  for (size_t c = 0; c < parent.cameras.size(); ++c) {
+    const CalibratedCamera &before = parent.cameras[c], &after = repaired.cameras[c];
+    if (before.camera == solved) continue;
+    EXPECT_EQ(after.cam_from_rig.translation_m, before.cam_from_rig.translation_m) << before.camera;
+    EXPECT_EQ(after.cam_from_rig.rotation.coeffs(), before.cam_from_rig.rotation.coeffs())
+        << before.camera;
+    EXPECT_EQ(after.intrinsics, before.intrinsics) << before.camera;
+  }
+}
+
+// Another lens model that is clearly better is chosen for the camera that is solved, and the others
+// keep their poses and lenses by the bit; so they do where lenses are asked to be refined.
+TEST(Derivation, ARepairThatChoosesALensLeavesTheOthersAlone) {
+  const SimulatedWorld world = World();
+  CalibrationResult parent = Solve(Part(world, 0, 20));
+  ASSERT_EQ(parent.cameras.size(), 4u);
+  CalibrationInput input = Part(world, 20, 45);
+  const ImageSize size = input.tracks[2].camera.image_size_px;
+  ASSERT_EQ(input.tracks[2].camera.camera, "sim_2");
+  const double focal_px = 0.5 * size.width / 1.1345;
+  const Intrinsics lens{
+      DistortionModel::kFisheye, focal_px, focal_px, 0.5 * size.width - 4, 0.5 * size.height + 3,
+      {-0.02, 0.004, 0, 0}};
+  const RigidTransform cam_from_world = PhotographWide(world, 2, 20, lens, &input.tracks[2]);
+  parent.cameras[2].intrinsics = DescribedBy(DistortionModel::kBrownConrady, lens, size);
+  input.parent = parent;
+  for (const Estimate intrinsics : {Estimate::kAuto, Estimate::kRefined}) {
+    CalibrationOptions options = DerivedOptions(SolveKind::kRepair, {"sim_2"});
+    options.intrinsics = intrinsics;
+    const CalibrationResult repaired = Solve(input, options);
+    ASSERT_EQ(repaired.cameras.size(), 4u);
+    ExpectOthersAsBefore(parent, repaired, "sim_2");
+    const bool chosen = intrinsics == Estimate::kAuto;
+    EXPECT_EQ(repaired.cameras[2].intrinsics.model != DistortionModel::kBrownConrady, chosen);
+    EXPECT_NE(repaired.cameras[2].intrinsics, parent.cameras[2].intrinsics);
+    if (!chosen) continue;
+    EXPECT_EQ(std::ranges::count(repaired.findings, FindingKind::kWrongLensModel, &Finding::kind),
+              1);
+    const Eigen::Vector3d centre_m =
+        world.cameras()[0].cam_from_rig * cam_from_world.SourceFromTargetTranslation();
+    EXPECT_LT((repaired.cameras[2].cam_from_rig.SourceFromTargetTranslation() - centre_m).norm(),
+              0.03);
+  }
 }
 
 TEST(Derivation, KeptIntrinsicsStayWhileOthersAreRefined) {

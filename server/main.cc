@@ -213,6 +213,14 @@ RetentionOptions RetentionOf(const RetentionConfig& config) {
           .delete_calibrated = config.delete_calibrated};
 }
 
+// With short limits it is said half way.
+SilenceLimits SilenceLimitsOf(const ServerLimits& limits) {
+  SilenceLimits silence;
+  silence.end = std::chrono::seconds(limits.calibration_silence_s);
+  silence.doubt = std::min(silence.doubt, silence.end / 2);
+  return silence;
+}
+
 // How commands on this machine reach the server: by its socket file, which never needs a
 // certificate, else by the port.
 std::string AddressForCommands(const ServerConfig& config, int port) {
@@ -255,8 +263,11 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
   const auto report_progress = [&](const StreamKey& stream, const AppendOutcome& outcome) {
     coordinator->RecordProgress(stream, outcome);
   };
+  const SilenceLimits silence = SilenceLimitsOf(limits);
+  const auto estimate_silence = std::min(silence.end, EstimateWorkerOptions{}.silence_limit);
   LiveTracker live({}, store.get(), &directory, coordinator.get());
-  EstimateLoop estimates({}, store.get(), EstimateInWorker({.program = worker}),
+  EstimateLoop estimates({}, store.get(),
+                         EstimateInWorker({.program = worker, .silence_limit = estimate_silence}),
                          [&live](LiveEstimate estimate) { live.SetEstimate(std::move(estimate)); });
   live.SetRowTap([&estimates](const StreamKey& stream, const ObservationBatch& batch) {
     estimates.AddRows(stream, batch);
@@ -275,7 +286,8 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
   const SolveFunction solve =
       SolveInWorker({.program = worker,
                      .scratch_dir = config.data_dir,
-                     .max_memory_bytes = uint64_t{limits.calibration_memory_mb} << 20});
+                     .max_memory_bytes = uint64_t{limits.calibration_memory_mb} << 20,
+                     .silence = silence});
   RIGCAL_ASSIGN_OR_RETURN(
       const auto runner,
       CalibrationRunner::Create({.max_queued = limits.max_queued_calibrations,

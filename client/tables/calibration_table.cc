@@ -338,6 +338,11 @@ std::string FormatResult(const v1::Calibration& calibration) {
       FormatScaleSources(calibration));
 }
 
+std::string StateWords(const v1::Calibration& calibration) {
+  return absl::StrCat(EnumWord(calibration.state()),
+                      calibration.progress().not_responding() ? ", not responding" : "");
+}
+
 }  // namespace
 
 std::string FormatCalibrationProgress(const v1::Calibration& calibration) {
@@ -348,7 +353,8 @@ std::string FormatCalibrationProgress(const v1::Calibration& calibration) {
   // "searching time offsets".
   const std::string stage =
       absl::StrReplaceAll(EnumWord(calibration.progress().stage()), {{"_", " "}});
-  return absl::StrCat("calibrating: ", stage, " ", FormatFixed(percent, 0), " %");
+  return absl::StrCat("calibrating: ", stage, " ", FormatFixed(percent, 0), " %",
+                      calibration.progress().not_responding() ? ", not responding" : "");
 }
 
 std::string FormatCalibrationList(const v1::ListCalibrationsResponse& response) {
@@ -361,7 +367,7 @@ std::string FormatCalibrationList(const v1::ListCalibrationsResponse& response) 
       .Words({"quality", "created", "sessions"});
   for (const v1::Calibration& calibration : response.calibrations()) {
     table.AddRow({calibration.id(), calibration.rig(), calibration.version(),
-                  EnumWord(calibration.state()), calibration.instant_count(),
+                  StateWords(calibration), calibration.instant_count(),
                   GradeName(calibration.quality().grade()),
                   FormatTime(calibration.run().has_create_time(), calibration.run().create_time()),
                   absl::StrJoin(calibration.session_ids(), ", ")});

@@ -23,6 +23,7 @@ struct Calibration {
   std::string error;  // why it failed, and what to do
   CalibrationStage progress_stage = CalibrationStage::kUnspecified;
   double progress_fraction = 0;
+  bool not_responding = false;  // the process that solves; see CalibrationProgress in the protocol
   CalibrationOptions options;
   std::optional<CalibrationResult> result;  // once succeeded
   std::vector<Refusal> refused;             // when it failed: what had been left out by then

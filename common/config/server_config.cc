@@ -26,6 +26,9 @@ void AddOptions(ServerLimits* limits, OptionTable* table) {
       "in one calibration");
   add("calibration_memory_mb", &limits->calibration_memory_mb, 4'000'000,
       "MiB one calibration may use");
+  // Signs of life come several times a second; a machine under load may be late with them.
+  table->Add("calibration_silence_s", &limits->calibration_silence_s, {5, 86'400},
+             "after which a solve without a sign of life is ended");
   add("ingest_queue_mb", &limits->ingest_queue_mb, 4'000, "MiB waiting for the disk");
   add("send_window_rows", &limits->send_window_rows, 1'000'000'000,
       "unacknowledged, of each camera");

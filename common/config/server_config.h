@@ -20,11 +20,12 @@ struct ServerLimits {
   uint32_t max_queued_calibrations = 32;
   uint32_t max_calibration_observations = 10'000'000;  // in one calibration
   uint32_t calibration_memory_mb = 12'288;             // MiB one calibration may use
-  uint32_t ingest_queue_mb = 64;                       // MiB of deliveries that wait for the disk
-  uint32_t send_window_rows = 32'768;                  // unacknowledged, per camera
-  uint32_t rpc_memory_mb = 512;                        // MiB for messages and connections
-  uint32_t max_connections = 1'024;                    // open at a time
-  uint32_t max_connections_per_address = 256;          // of them
+  uint32_t calibration_silence_s = 60;  // after which a solve without a sign of life is ended
+  uint32_t ingest_queue_mb = 64;        // MiB of deliveries that wait for the disk
+  uint32_t send_window_rows = 32'768;   // unacknowledged, per camera
+  uint32_t rpc_memory_mb = 512;         // MiB for messages and connections
+  uint32_t max_connections = 1'024;     // open at a time
+  uint32_t max_connections_per_address = 256;  // of them
   uint32_t disk_reserve_mb = 256;  // MiB free on the disk at which observations are refused
 
   friend bool operator==(const ServerLimits&, const ServerLimits&) = default;

@@ -179,6 +179,7 @@ v1::Calibration ToProto(const Calibration& calibration) {
   proto.mutable_progress()->set_stage(
       static_cast<v1::CalibrationStage>(calibration.progress_stage));
   proto.mutable_progress()->set_fraction(calibration.progress_fraction);
+  proto.mutable_progress()->set_not_responding(calibration.not_responding);
   *proto.mutable_options() = ToProto(calibration.options);
   if (calibration.result) {
     FillResult(*calibration.result, &proto);
@@ -218,6 +219,7 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
     calibration.progress_stage = static_cast<CalibrationStage>(proto.progress().stage());
   }
   calibration.progress_fraction = proto.progress().fraction();
+  calibration.not_responding = proto.progress().not_responding();
   absl::Status fault;
   calibration.options = ReadOptions(proto.options(), &fault);
   // One that has yet to be solved must be what was asked for.

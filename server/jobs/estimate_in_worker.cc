@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "server/jobs/signs_of_life.h"
 #include "server/jobs/worker_process.h"
 #include "server/worker/estimate_messages.h"
 #include "server/worker/worker.h"
@@ -63,21 +64,40 @@ absl::StatusOr<MemoryFile> WriteRows(const EstimateTask& task) {
   return file;
 }
 
-// Everything that the worker writes.
-absl::StatusOr<std::string> ReadAll(WorkerProcess& process, std::chrono::milliseconds limit,
-                                    const std::atomic<bool>& cancelled) {
-  const SteadyClock::time_point deadline = SteadyClock::now() + limit;
-  std::string all;
+// What the worker has to say in the end; unset: it ended without it.
+absl::StatusOr<std::optional<worker::v1::EstimateOutput>> ReadOutcome(
+    WorkerProcess& process, const EstimateWorkerOptions& options,
+    const std::atomic<bool>& cancelled) {
+  SignsOfLife life(
+      {.doubt = options.silence_limit, .end = options.silence_limit, .stuck = options.time_limit},
+      SteadyClock::now());
+  MessageCutter cutter;
+  std::optional<worker::v1::EstimateOutput> outcome;
   while (true) {
     bool ended = false;
     RIGCAL_ASSIGN_OR_RETURN(const std::string bytes,
                             process.Read(kEstimatePipeBytes, kEstimateLookInterval, &ended));
-    all += bytes;
-    if (ended) return all;
+    cutter.Add(bytes.data(), bytes.size());
+    while (true) {
+      worker::v1::EstimateOutput message;
+      RIGCAL_ASSIGN_OR_RETURN(const bool complete, cutter.Next(&message));
+      if (!complete) break;
+      life.Hear(false);
+      if (!message.has_heartbeat()) outcome = std::move(message);
+    }
+    if (ended) return outcome;
     if (cancelled) return absl::CancelledError("the estimate was cancelled");
-    if (SteadyClock::now() > deadline) {
-      return absl::DeadlineExceededError(
-          absl::StrCat("the running estimate took more than ", limit.count() / 1000, " s"));
+    switch (life.Look(SteadyClock::now())) {
+      case SignsOfLife::State::kSilent:
+        return absl::DeadlineExceededError(
+            absl::StrCat("the running estimate was ended: rigcal-worker (process ", process.pid(),
+                         ") gave no sign of life for ", options.silence_limit.count() / 1000,
+                         " s: it was stopped, or waited for something that did not come"));
+      case SignsOfLife::State::kStuck:
+        return absl::DeadlineExceededError(absl::StrCat("the running estimate took more than ",
+                                                        options.time_limit.count() / 1000, " s"));
+      default:
+        break;
     }
   }
 }
@@ -125,19 +145,12 @@ EstimateFunction EstimateInWorker(EstimateWorkerOptions options) {
                                                  {"--estimate", absl::StrCat("--parent=", getpid()),
                                                   absl::StrCat("--memory=", options.memory_bytes)},
                                                  input.descriptor()));
-    const absl::StatusOr<std::string> bytes = ReadAll(process, options.time_limit, cancelled);
-    if (!bytes.ok()) {
-      process.Kill();
-      process.Wait();
-      return bytes.status();
-    }
+    const auto outcome = ReadOutcome(process, options, cancelled);
+    if (!outcome.ok()) process.Kill();
     const int ended = process.Wait();
-    MessageCutter cutter;
-    cutter.Add(bytes->data(), bytes->size());
-    worker::v1::EstimateOutput message;
-    const absl::StatusOr<bool> complete = cutter.Next(&message);
-    if (!complete.ok() || !*complete) return DescribeEnd(ended);
-    return FromProto(message);
+    RIGCAL_RETURN_IF_ERROR(outcome.status());
+    if (!*outcome) return DescribeEnd(ended);
+    return FromProto(**outcome);
   };
 }
 

@@ -34,11 +34,13 @@ struct EstimateWorkerOptions {
   std::filesystem::path program;  // rigcal-worker
   uint64_t memory_bytes = uint64_t{2} << 30;
   std::chrono::milliseconds time_limit{30'000};
+  // Without a sign of life.
+  std::chrono::milliseconds silence_limit{15'000};
 };
 
 // In a process of its own for each estimate, at low priority and with limited memory. Errors:
-// CANCELLED, DEADLINE_EXCEEDED, RESOURCE_EXHAUSTED (its memory limit), UNAVAILABLE (killed),
-// INTERNAL (crashed), and those of WorkerProcess::Start.
+// CANCELLED, DEADLINE_EXCEEDED (says whether it worked at all), RESOURCE_EXHAUSTED (its memory
+// limit), UNAVAILABLE (killed), INTERNAL (crashed), and those of WorkerProcess::Start.
 EstimateFunction EstimateInWorker(EstimateWorkerOptions options);
 
 }  // namespace rigcal::server

@@ -100,9 +100,8 @@ absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOpti
                         absl::StrCat("cannot write the observations for the solve to ",
                                      options.scratch_dir.string(), ": ", status.message()));
   };
-  RIGCAL_RETURN_IF_ERROR(note(
-      writer.Begin(plan.target, task.options, plan.tracks, plan.row_limits, plan.other_targets,
-                   task.parent)));
+  RIGCAL_RETURN_IF_ERROR(note(writer.Begin(plan.target, task.options, plan.tracks, plan.row_limits,
+                                           plan.other_targets, task.parent)));
   RIGCAL_RETURN_IF_ERROR(ReadCalibrationRows(task.store, &plan, task.max_observations, cancelled,
                                              refused,
                                              [&](size_t track, const ObservationBatch& batch) {
@@ -138,7 +137,8 @@ class Solve {
         options_(options),
         hooks_(hooks),
         memory_bytes_(memory_bytes),
-        row_count_(row_count) {}
+        row_count_(row_count),
+        life_(options.silence, SteadyClock::now()) {}
 
   // `refused`: what was left out before the solve.
   CalibrationOutcome Run(std::vector<Refusal> refused) {
@@ -153,23 +153,50 @@ class Solve {
  private:
   // Until the worker closes its end.
   absl::Status ReadOutput() {
-    SteadyClock::time_point last = SteadyClock::now();
     while (true) {
       bool ended = false;
       RIGCAL_ASSIGN_OR_RETURN(const std::string bytes,
                               process_.Read(kPipeBytes, kLookInterval, &ended));
       if (*hooks_.cancelled) return absl::CancelledError("the calibration was cancelled");
       if (ended) return absl::OkStatus();
-      if (!bytes.empty()) last = SteadyClock::now();
-      if (SteadyClock::now() - last > options_.silence_limit) {
-        return absl::DeadlineExceededError(absl::StrCat(
-            "the solve was ended: rigcal-worker (process ", pid_, ") gave no sign of life for ",
-            std::chrono::duration_cast<std::chrono::seconds>(options_.silence_limit).count(),
-            " s while ", StageName(stage_), "; create the calibration again"));
-      }
       cutter_.Add(bytes.data(), bytes.size());
       RIGCAL_RETURN_IF_ERROR(TakeMessages());
+      RIGCAL_RETURN_IF_ERROR(CheckLife());
     }
+  }
+
+  absl::Status CheckLife() {
+    const SignsOfLife::State state = life_.Look(SteadyClock::now());
+    const auto seconds = [](std::chrono::milliseconds time) { return time.count() / 1000; };
+    const auto ended = [this](const auto&... why) {
+      return absl::DeadlineExceededError(
+          absl::StrCat("the solve was ended: rigcal-worker (process ", pid_, ") ", why...));
+    };
+    const bool not_responding = state == SignsOfLife::State::kDoubtful;
+    switch (state) {
+      case SignsOfLife::State::kSilent:
+        return ended("gave no sign of life for ", seconds(options_.silence.end), " s while ",
+                     StageName(stage_),
+                     ". It was stopped, or waited for something that did not come: see the "
+                     "system's log, and create the calibration again");
+      case SignsOfLife::State::kStuck:
+        return ended("got no further for ", seconds(options_.silence.stuck), " s while ",
+                     StageName(stage_),
+                     "; create the calibration again with fewer sessions, and report it with "
+                     "`rigcal session export`");
+      default:
+        break;
+    }
+    if (not_responding == not_responding_) return absl::OkStatus();
+    not_responding_ = not_responding;
+    if (not_responding) {
+      spdlog::warn("rigcal-worker (process {}) does not respond while {}; it is ended in {} s",
+                   pid_, StageName(stage_), seconds(options_.silence.end - life_.silence()));
+    } else {
+      spdlog::info("rigcal-worker (process {}) responds again", pid_);
+    }
+    if (hooks_.silence) hooks_.silence(not_responding);
+    return absl::OkStatus();
   }
 
   absl::Status TakeMessages() {
@@ -177,6 +204,7 @@ class Solve {
     while (true) {
       RIGCAL_ASSIGN_OR_RETURN(const bool complete, cutter_.Next(&message));
       if (!complete) return absl::OkStatus();
+      life_.Hear(!message.has_heartbeat());
       if (message.has_progress()) {
         const int stage = message.progress().stage();
         if (v1::CalibrationStage_IsValid(stage)) stage_ = static_cast<CalibrationStage>(stage);
@@ -237,6 +265,8 @@ class Solve {
   const WorkerOptions& options_;
   const CalibrationHooks& hooks_;
   const uint64_t memory_bytes_, row_count_;
+  SignsOfLife life_;
+  bool not_responding_ = false;
   MessageCutter cutter_;
   CalibrationStage stage_ = CalibrationStage::kUnspecified;
   std::optional<CalibrationOutcome> outcome_;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <filesystem>
 
 #include "absl/status/statusor.h"
+#include "server/jobs/signs_of_life.h"
 #include "server/session/calibration_solver.h"
 
 namespace rigcal::server {
@@ -17,14 +17,13 @@ struct WorkerOptions {
   std::filesystem::path scratch_dir;
   // At most; a solve of few observations is allowed less (SolveMemoryBytes).
   uint64_t max_memory_bytes = uint64_t{12} << 30;
-  // A worker that says nothing for so long hangs, and is ended.
-  std::chrono::milliseconds silence_limit{std::chrono::minutes(15)};
+  SilenceLimits silence = {};
 };
 
 // Solves in a process of its own, one for each solve, at low priority and with limited memory.
 // Gives the same result as SolveInProcess, bit for bit. What happens to the process is an outcome
 // in plain words: RESOURCE_EXHAUSTED (its memory limit), UNAVAILABLE (killed from outside),
-// INTERNAL (crashed), DEADLINE_EXCEEDED (hangs), CANCELLED.
+// INTERNAL (crashed), DEADLINE_EXCEEDED (it is stopped or hangs), CANCELLED.
 SolveFunction SolveInWorker(WorkerOptions options);
 
 // rigcal-worker in the folder of the running program.

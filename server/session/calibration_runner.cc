@@ -150,6 +150,7 @@ Calibration CalibrationRunner::WithMemory(Calibration calibration) const {
   if (calibration.id == running_id_) {
     calibration.progress_stage = stage_;
     calibration.progress_fraction = fraction_;
+    calibration.not_responding = not_responding_;
   }
   return calibration;
 }
@@ -199,6 +200,7 @@ void CalibrationRunner::RunNext() {
     running_id_ = job.id;
     stage_ = CalibrationStage::kReading;
     fraction_ = 0;
+    not_responding_ = false;
     cancel_asked_ = false;
     interrupted_ = false;
   }
@@ -272,6 +274,7 @@ void CalibrationRunner::Solve(Calibration* calibration) {
   hooks.progress = [this](CalibrationStage stage, double fraction) {
     ReportProgress(stage, fraction);
   };
+  hooks.silence = [this](bool not_responding) { ReportSilence(not_responding); };
   hooks.cancelled = &interrupted_;
   const auto start = std::chrono::steady_clock::now();
   const absl::StatusOr<std::optional<Calibration>> parent = ParentOf(*store_, calibration->options);
@@ -317,6 +320,16 @@ void CalibrationRunner::End(Calibration calibration) {
       spdlog::info("calibration {}: queued again for the next start", calibration.id);
   }
   changes_.Notify(calibration.id);
+}
+
+void CalibrationRunner::ReportSilence(bool not_responding) {
+  std::string id;
+  {
+    std::lock_guard lock(mutex_);
+    not_responding_ = not_responding;
+    id = running_id_;
+  }
+  changes_.Notify(id);
 }
 
 void CalibrationRunner::ReportProgress(CalibrationStage stage, double fraction) {

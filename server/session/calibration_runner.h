@@ -93,6 +93,7 @@ class CalibrationRunner {
   void Solve(Calibration* calibration);
   void End(Calibration calibration);
   void ReportProgress(CalibrationStage stage, double fraction);
+  void ReportSilence(bool not_responding);
   Calibration WithMemory(Calibration calibration) const;
 
   const CalibrationRunnerOptions options_;
@@ -107,6 +108,7 @@ class CalibrationRunner {
   std::string running_id_;  // empty: none
   CalibrationStage stage_ = CalibrationStage::kUnspecified;
   double fraction_ = 0;
+  bool not_responding_ = false;
   std::chrono::steady_clock::time_point last_notification_;
   // Ended, but the store refused to take it: shown as failed until the next start tries again.
   std::map<std::string, Calibration, std::less<>> unsaved_;

@@ -30,6 +30,9 @@ struct CalibrationInput {
 struct CalibrationHooks {
   // Called from time to time from the solving thread: the stage and how much of it is done, 0 to 1.
   std::function<void(CalibrationStage stage, double fraction)> progress;
+  // Called from the waiting thread where another process solves: true when it stops giving signs of
+  // life, false when it gives them again.
+  std::function<void(bool not_responding)> silence;
   // Looked at between iterations; true ends the solve with CANCELLED.
   const std::atomic<bool>* cancelled = nullptr;
   // Called once from the solving thread with the solve that is published, before it is returned:

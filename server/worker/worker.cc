@@ -4,6 +4,8 @@
 #include <sys/resource.h>
 
 #include <chrono>
+#include <memory>
+#include <mutex>
 #include <string>
 #include <utility>
 
@@ -14,6 +16,7 @@
 #include "server/solve/calibrate.h"
 #include "server/solve/running/running_estimate.h"
 #include "server/worker/estimate_messages.h"
+#include "server/worker/heartbeat.h"
 #include "server/worker/solve_input.h"
 
 namespace rigcal::server {
@@ -28,10 +31,36 @@ uint64_t PeakMemoryBytes() {
   return static_cast<uint64_t>(usage.ru_maxrss) * 1024;
 }
 
+// Writes what the server reads, from the solving thread and that of the heartbeat.
+class OutputWriter {
+ public:
+  explicit OutputWriter(int out) : writer_(out) {}
+
+  absl::Status Write(const google::protobuf::MessageLite& message) {
+    const std::lock_guard lock(mutex_);
+    RIGCAL_RETURN_IF_ERROR(writer_.Write(message));
+    return writer_.Flush();
+  }
+
+ private:
+  std::mutex mutex_;
+  MessageWriter writer_;
+};
+
+// An error of the pipe shows when the outcome is written.
+template <typename Output>
+absl::StatusOr<std::unique_ptr<Heartbeat>> StartHeartbeat(OutputWriter* writer) {
+  return Heartbeat::Start([writer] {
+    Output message;
+    message.mutable_heartbeat();
+    (void)writer->Write(message);
+  });
+}
+
 // Writes progress; an error of the pipe shows when the outcome is written.
 class ProgressWriter {
  public:
-  explicit ProgressWriter(MessageWriter* writer) : writer_(writer) {}
+  explicit ProgressWriter(OutputWriter* writer) : writer_(writer) {}
 
   void Report(CalibrationStage stage, double fraction) {
     const auto now = std::chrono::steady_clock::now();
@@ -41,11 +70,11 @@ class ProgressWriter {
     worker::v1::SolveOutput message;
     message.mutable_progress()->set_stage(static_cast<v1::CalibrationStage>(stage));
     message.mutable_progress()->set_fraction(fraction);
-    if (writer_->Write(message).ok()) (void)writer_->Flush();
+    (void)writer_->Write(message);
   }
 
  private:
-  MessageWriter* const writer_;
+  OutputWriter* const writer_;
   CalibrationStage stage_ = CalibrationStage::kUnspecified;
   std::chrono::steady_clock::time_point last_;
 };
@@ -70,7 +99,9 @@ worker::v1::SolveOutput OutcomeMessage(CalibrationOutcome outcome) {
 }  // namespace
 
 absl::Status RunWorker(int in, int out) {
-  MessageWriter writer(out);
+  OutputWriter writer(out);
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<Heartbeat> heartbeat,
+                          StartHeartbeat<worker::v1::SolveOutput>(&writer));
   RIGCAL_ASSIGN_OR_RETURN(SolveInput task, ReadSolveInput(in));
   ProgressWriter progress(&writer);
   CalibrationHooks hooks;
@@ -79,19 +110,23 @@ absl::Status RunWorker(int in, int out) {
   };
   CalibrationOutcome outcome = Calibrate(std::move(task.input), task.options, hooks);
   if (absl::IsResourceExhausted(outcome.result.status())) return outcome.result.status();
-  RIGCAL_RETURN_IF_ERROR(writer.Write(OutcomeMessage(std::move(outcome))));
-  return writer.Flush();
+  // The outcome is the last message.
+  const worker::v1::SolveOutput message = OutcomeMessage(std::move(outcome));
+  heartbeat.reset();
+  return writer.Write(message);
 }
 
 absl::Status RunEstimateWorker(int in, int out) {
+  OutputWriter writer(out);
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<Heartbeat> heartbeat,
+                          StartHeartbeat<worker::v1::EstimateOutput>(&writer));
   RIGCAL_ASSIGN_OR_RETURN(RunningInput input, ReadEstimateInput(in));
   const RunningOutcome outcome = EstimateNow(std::move(input));
   if (absl::IsResourceExhausted(outcome.problem)) return outcome.problem;
   worker::v1::EstimateOutput message = ToProto(outcome);
   message.set_peak_memory_bytes(PeakMemoryBytes());
-  MessageWriter writer(out);
-  RIGCAL_RETURN_IF_ERROR(writer.Write(message));
-  return writer.Flush();
+  heartbeat.reset();
+  return writer.Write(message);
 }
 
 }  // namespace rigcal::server

@@ -198,6 +198,12 @@ TEST(FormatCalibrationProgress, IsOneLine) {
   calibration.mutable_progress()->set_stage(v1::CALIBRATION_STAGE_ADJUSTING);
   calibration.mutable_progress()->set_fraction(0.4);
   EXPECT_EQ(FormatCalibrationProgress(calibration), "calibrating: adjusting 40 %");
+  calibration.mutable_progress()->set_not_responding(true);
+  EXPECT_EQ(FormatCalibrationProgress(calibration), "calibrating: adjusting 40 %, not responding");
+  v1::ListCalibrationsResponse list;
+  *list.add_calibrations() = calibration;
+  EXPECT_THAT(FormatCalibrationList(list), HasSubstr("running, not responding"));
+  calibration.mutable_progress()->set_not_responding(false);
   calibration.mutable_progress()->set_fraction(7);
   EXPECT_EQ(FormatCalibrationProgress(calibration), "calibrating: adjusting 100 %");
   calibration.set_state(v1::Calibration::STATE_QUEUED);

@@ -45,7 +45,7 @@ TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
     keys += line.find(" = ") != std::string::npos ? 1 : 0;
     text += (line.substr(0, 1) == "#" ? line.substr(1) : line) + "\n";
   }
-  EXPECT_EQ(keys, 25);
+  EXPECT_EQ(keys, 26);
   ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(text));
   EXPECT_EQ(config.listen, ServerConfig().listen);
   EXPECT_EQ(config.log_level, ServerConfig().log_level);
@@ -83,6 +83,7 @@ max_connections_per_address = 12
 disk_reserve_mb = 13
 max_readers = 16
 calibration_memory_mb = 17
+calibration_silence_s = 18
 [retention]
 max_age_days = 14
 max_size_mb = 15
@@ -100,6 +101,7 @@ delete_calibrated = true
                               .max_queued_calibrations = 6,
                               .max_calibration_observations = 7,
                               .calibration_memory_mb = 17,
+                              .calibration_silence_s = 18,
                               .ingest_queue_mb = 8,
                               .send_window_rows = 9,
                               .rpc_memory_mb = 10,

@@ -6,12 +6,15 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
 
 namespace rigcal::server::estimate_in_worker_test {
 namespace {
@@ -80,6 +83,41 @@ TEST(EstimateInWorker, IsCancelled) {
   const std::atomic<bool> cancelled = true;
   EXPECT_THAT(EstimateInWorker(Options())(Task(), cancelled).status(),
               StatusIs(absl::StatusCode::kCancelled, ::testing::_));
+}
+
+// A program of the shell in place of the worker.
+class FakeEstimateWorker {
+ public:
+  explicit FakeEstimateWorker(const std::string& commands) {
+    std::ofstream(file()) << "#!/bin/sh\n" << commands << "\n";
+    std::filesystem::permissions(file(), std::filesystem::perms::owner_all);
+  }
+  std::filesystem::path file() const { return directory_.path() / "worker.sh"; }
+
+ private:
+  ::rigcal::testing::TemporaryDirectory directory_;
+};
+
+TEST(EstimateInWorker, WithoutASignOfLifeItIsEnded) {
+  const FakeEstimateWorker worker("exec sleep 600");
+  EstimateWorkerOptions options = Options();
+  options.program = worker.file();
+  options.silence_limit = std::chrono::milliseconds(1000);
+  const std::atomic<bool> cancelled = false;
+  EXPECT_THAT(EstimateInWorker(options)(Task(), cancelled).status(),
+              StatusIs(absl::StatusCode::kDeadlineExceeded, HasSubstr("no sign of life for 1 s")));
+}
+
+TEST(EstimateInWorker, AtWorkForTooLongItIsEnded) {
+  // EstimateOutput with a heartbeat.
+  const FakeEstimateWorker worker(
+      "while true; do sleep 0.1; printf '\\002\\000\\000\\000\\062\\000'; done");
+  EstimateWorkerOptions options = Options();
+  options.program = worker.file();
+  options.time_limit = std::chrono::milliseconds(1000);
+  const std::atomic<bool> cancelled = false;
+  EXPECT_THAT(EstimateInWorker(options)(Task(), cancelled).status(),
+              StatusIs(absl::StatusCode::kDeadlineExceeded, HasSubstr("took more than 1 s")));
 }
 
 TEST(EstimateInWorker, AProgramThatIsNoWorkerIsAFailure) {

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -27,8 +28,10 @@ namespace {
 
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
+using std::chrono::milliseconds;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 const std::filesystem::path kWorker = std::filesystem::path(RIGCAL_BIN_DIR) / "rigcal-worker";
 
@@ -89,6 +92,10 @@ class SolveInWorker : public ::rigcal::testing::StoreFixture {
                            std::function<void(CalibrationStage, double)> progress = {}) {
     CalibrationHooks hooks;
     hooks.progress = std::move(progress);
+    hooks.silence = [this](bool not_responding) {
+      silences_.push_back(not_responding);
+      if (on_silence_) on_silence_(not_responding);
+    };
     hooks.cancelled = &cancelled_;
     return solve({store(), session_ids_, 1'000'000, calibration_options_}, hooks);
   }
@@ -103,6 +110,14 @@ class SolveInWorker : public ::rigcal::testing::StoreFixture {
     });
   }
 
+  // A program of the shell.
+  std::filesystem::path Script(const std::string& commands) const {
+    const std::filesystem::path file = directory_.path() / "worker.sh";
+    std::ofstream(file) << "#!/bin/sh\n" << commands << "\n";
+    std::filesystem::permissions(file, std::filesystem::perms::owner_all);
+    return file;
+  }
+
   std::string Bytes(const CalibrationOutcome& outcome) {
     Calibration calibration;
     calibration.state = CalibrationState::kSucceeded;
@@ -114,6 +129,8 @@ class SolveInWorker : public ::rigcal::testing::StoreFixture {
   std::atomic<bool> cancelled_ = false;
   CalibrationOptions calibration_options_;
   WorkerOptions options_;
+  std::vector<bool> silences_;  // as they were reported
+  std::function<void(bool)> on_silence_;
 };
 
 TEST_F(SolveInWorker, GivesTheBitsOfASolveInThisProcess) {
@@ -180,10 +197,56 @@ TEST_F(SolveInWorker, CancelledItEnds) {
 
 TEST_F(SolveInWorker, HangingItIsEnded) {
   Record("cameras=4;duration=20");
-  options_.silence_limit = std::chrono::milliseconds(1500);
+  options_.silence = {.doubt = milliseconds(700), .end = milliseconds(1500)};
   EXPECT_THAT(SolveAnd([](pid_t worker) { kill(worker, SIGSTOP); }).result,
-              StatusIs(absl::StatusCode::kDeadlineExceeded, HasSubstr("no sign of life")));
+              StatusIs(absl::StatusCode::kDeadlineExceeded, HasSubstr("no sign of life for 1 s")));
+  ASSERT_THAT(silences_, Not(IsEmpty()));
+  EXPECT_TRUE(silences_.back());
   EXPECT_THAT(Workers(), IsEmpty());
+}
+
+TEST_F(SolveInWorker, StoppedForAMomentItIsDoubtedAndGoesOn) {
+  Record("cameras=4;duration=20");
+  options_.silence = {.doubt = milliseconds(700), .end = std::chrono::seconds(60)};
+  on_silence_ = [](bool not_responding) {
+    for (const pid_t worker : Workers()) kill(worker, not_responding ? SIGCONT : 0);
+  };
+  EXPECT_THAT(SolveAnd([](pid_t worker) { kill(worker, SIGSTOP); }).result, IsOk());
+  // Under load it may be doubted more than once.
+  ASSERT_GE(silences_.size(), 2u);
+  EXPECT_TRUE(silences_[0]);
+  EXPECT_FALSE(silences_[1]);
+}
+
+// Messages of solve.proto: a heartbeat, and progress (stage 5), behind their lengths.
+constexpr char kBeat[] = "printf '\\002\\000\\000\\000\\032\\000'";
+constexpr char kStep[] = "printf '\\004\\000\\000\\000\\012\\002\\010\\005'";
+
+TEST_F(SolveInWorker, WaitingForEverItIsEnded) {
+  Record("cameras=2;duration=1");
+  options_.program = Script("exec sleep 600");
+  options_.silence = {.doubt = milliseconds(300), .end = milliseconds(1000)};
+  EXPECT_THAT(Solve(server::SolveInWorker(options_)).result,
+              StatusIs(absl::StatusCode::kDeadlineExceeded, HasSubstr("no sign of life")));
+}
+
+TEST_F(SolveInWorker, ALongStageWithoutProgressIsNoHang) {
+  Record("cameras=2;duration=1");
+  options_.program = Script(absl::StrCat(
+      kStep, "; for i in 1 2 3 4 5 6 7 8 9 10 11 12; do sleep 0.25; ", kBeat, "; done; exit 7"));
+  options_.silence = {.doubt = milliseconds(1900), .end = milliseconds(2000)};
+  EXPECT_THAT(Solve(server::SolveInWorker(options_)).result,
+              StatusIs(absl::StatusCode::kInternal, HasSubstr("(code 7)")));
+}
+
+TEST_F(SolveInWorker, GoingInCirclesItIsEnded) {
+  Record("cameras=2;duration=1");
+  options_.program = Script(absl::StrCat("while true; do sleep 0.1; ", kBeat, "; done"));
+  options_.silence = {.doubt = std::chrono::seconds(30),
+                      .end = std::chrono::seconds(60),
+                      .stuck = milliseconds(1000)};
+  EXPECT_THAT(Solve(server::SolveInWorker(options_)).result,
+              StatusIs(absl::StatusCode::kDeadlineExceeded, HasSubstr("got no further for 1 s")));
 }
 
 TEST_F(SolveInWorker, ProgramsThatAreNoWorkerAreFailures) {

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <new>
 #include <string>
+#include <vector>
 
 #include "server/session/calibration_runner.h"
 #include "tests/server/session/runner_fixture.h"
@@ -107,6 +108,28 @@ TEST_F(CalibrationRunnerSolve, ProgressIsShownButNotWritten) {
   EXPECT_TRUE(seen);
   EXPECT_EQ(writes_before, writes_after);
   EXPECT_EQ(ended.progress_fraction, 1);
+}
+
+TEST_F(CalibrationRunnerSolve, AWorkerThatDoesNotRespondIsShown) {
+  std::vector<bool> seen;
+  solver_.SetBody([&](const server::CalibrationHooks& hooks) {
+    for (const bool not_responding : {false, true, false, true}) {
+      hooks.silence(not_responding);
+      const auto calibrations = runner().ListCalibrations({}, {.limit = 1});
+      seen.push_back(calibrations.ok() && calibrations->at(0).record.not_responding);
+    }
+  });
+  const Calibration ended = AwaitEnd(Create());
+  EXPECT_THAT(seen, ::testing::ElementsAre(false, true, false, true));
+  EXPECT_FALSE(ended.not_responding);
+  // Nothing of it is left for the next one.
+  solver_.SetBody([&](const server::CalibrationHooks&) {
+    const auto calibrations = runner().ListCalibrations({}, {.limit = 2});
+    for (const auto& [calibration, position] : *calibrations) {
+      EXPECT_FALSE(calibration.not_responding);
+    }
+  });
+  AwaitEnd(Create());
 }
 
 }  // namespace

@@ -67,6 +67,7 @@ function Result({ id, others, withId, theme, onEnd }: {
     return <Panel name="running" title={`${id} is being solved`}>
       <p aria-live="polite">{state === 'STATE_QUEUED' ? 'It waits for the worker.' : `Stage: ${enumWords(progress?.stage, 'CALIBRATION_STAGE_')}`}</p>
       <Meter share={progress?.fraction ?? 0} label="Progress of this stage" />
+      {progress?.not_responding && <p class="hint" role="status">Not responding. The server ends it if it stays so.</p>}
       <WorkButton kind="quiet" work={() => cancelCalibration(id)}>Cancel</WorkButton>
     </Panel>;
   }

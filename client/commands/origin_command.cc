@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <string>
 #include <utility>
 
 #include "absl/strings/numbers.h"
@@ -20,6 +22,7 @@
 #include "common/origin/solve_origin.h"
 #include "common/status/status_macros.h"
 #include "common/target/target_file.h"
+#include "common/triangulate/camera_agreement.h"
 
 namespace rigcal::client {
 namespace {
@@ -80,7 +83,16 @@ absl::StatusOr<std::vector<MarkerViews>> MeasureFolder(const CalibrationResult& 
   TriangulationOptions triangulation;
   triangulation.sigma_px = options.sigma_px;
   triangulation.diameter_m = calibration.target.given.diameter_m;
-  return MeasureForOrigin(calibration, request, rows, triangulation);
+  std::map<std::string, uint32_t> left_out_rows;
+  RIGCAL_ASSIGN_OR_RETURN(
+      std::vector<MarkerViews> measured,
+      MeasureForOrigin(calibration, request, rows, triangulation, &left_out_rows));
+  if (!left_out_rows.empty()) {
+    context.console.Message(
+        absl::StrCat("left out, because they miss the rays of the other cameras: ",
+                     DescribeLeftOut(rows, left_out_rows)));
+  }
+  return measured;
 }
 
 absl::StatusOr<OriginReport> WriteOrigin(const std::string& which,

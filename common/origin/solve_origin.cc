@@ -107,14 +107,15 @@ absl::StatusOr<OriginSolution> OriginOfPoints(const CalibrationResult& calibrati
 
 }  // namespace
 
-absl::StatusOr<std::vector<MarkerViews>> MeasureForOrigin(const CalibrationResult& calibration,
-                                                          const OriginRequest& request,
-                                                          const std::vector<CameraRows>& rows,
-                                                          const TriangulationOptions& options) {
+absl::StatusOr<std::vector<MarkerViews>> MeasureForOrigin(
+    const CalibrationResult& calibration, const OriginRequest& request,
+    const std::vector<CameraRows>& rows, const TriangulationOptions& options,
+    std::map<std::string, uint32_t>* left_out_rows) {
   std::vector<MarkerViews> measured;
   if (request.source == FrameSource::kPath) {
     RIGCAL_ASSIGN_OR_RETURN(const Triangulation path, TriangulateRows(calibration, rows, options));
     RIGCAL_RETURN_IF_ERROR(CheckCamerasAgree(calibration, path));
+    if (left_out_rows != nullptr) *left_out_rows = path.left_out_rows;
     const size_t stride = path.points.size() / kMaxPathPoints + 1;
     for (size_t i = 0; i < path.points.size(); i += stride) {
       const TriangulatedPoint& point = path.points[i];
@@ -127,7 +128,7 @@ absl::StatusOr<std::vector<MarkerViews>> MeasureForOrigin(const CalibrationResul
   still.min_still_s = request.still_s > 0 ? request.still_s : kDefaultStillS;
   still.triangulation = options;
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<StillPoint> points,
-                          FindStillPoints(calibration, rows, still));
+                          FindStillPoints(calibration, rows, still, left_out_rows));
   for (const StillPoint& point : points) {
     measured.push_back({point.marker, point.place, static_cast<int64_t>(1e9 * point.from_s),
                         NamedViews(calibration, point.views)});

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -15,10 +17,11 @@ namespace rigcal {
 // Of rows, what a new frame is made from: of a path a part of its points, evenly chosen; else the
 // markers at each place where the target rests.
 // FAILED_PRECONDITION: it rests nowhere. Errors of TriangulateRows and CheckCamerasAgree.
-absl::StatusOr<std::vector<MarkerViews>> MeasureForOrigin(const CalibrationResult& calibration,
-                                                          const OriginRequest& request,
-                                                          const std::vector<CameraRows>& rows,
-                                                          const TriangulationOptions& options);
+// `left_out_rows`: by camera, those with centres that the others' rays missed; if not null.
+absl::StatusOr<std::vector<MarkerViews>> MeasureForOrigin(
+    const CalibrationResult& calibration, const OriginRequest& request,
+    const std::vector<CameraRows>& rows, const TriangulationOptions& options,
+    std::map<std::string, uint32_t>* left_out_rows = nullptr);
 
 // The frame that `request` asks for, from `measured` where it is made from rows; named points
 // without rows are static points of the calibration. `labels` of the markers: point m of the

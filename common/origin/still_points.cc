@@ -89,12 +89,13 @@ std::vector<PixelView> MeanViews(const std::vector<const TriangulatedPoint*>& po
 
 }  // namespace
 
-absl::StatusOr<std::vector<StillPoint>> FindStillPoints(const CalibrationResult& calibration,
-                                                        const std::vector<CameraRows>& rows,
-                                                        const StillOptions& options) {
+absl::StatusOr<std::vector<StillPoint>> FindStillPoints(
+    const CalibrationResult& calibration, const std::vector<CameraRows>& rows,
+    const StillOptions& options, std::map<std::string, uint32_t>* left_out_rows) {
   RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
                           TriangulateRows(calibration, rows, options.triangulation));
   RIGCAL_RETURN_IF_ERROR(CheckCamerasAgree(calibration, triangulation));
+  if (left_out_rows != nullptr) *left_out_rows = triangulation.left_out_rows;
   const std::vector<StillInstant> instants = InstantsOf(triangulation);
   std::vector<StillRun> places;
   double longest_s = 0;

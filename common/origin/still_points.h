@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -31,10 +33,11 @@ struct StillOptions {
 
 // Finds the places at which a target rests, in rows that also show how it is carried from one to
 // the next. A place that comes again is the same one. FAILED_PRECONDITION: it rests nowhere.
-// Errors of TriangulateRows and CheckCamerasAgree.
-absl::StatusOr<std::vector<StillPoint>> FindStillPoints(const CalibrationResult& calibration,
-                                                        const std::vector<CameraRows>& rows,
-                                                        const StillOptions& options);
+// Errors of TriangulateRows and CheckCamerasAgree. `left_out_rows`: as in Triangulation, if not
+// null.
+absl::StatusOr<std::vector<StillPoint>> FindStillPoints(
+    const CalibrationResult& calibration, const std::vector<CameraRows>& rows,
+    const StillOptions& options, std::map<std::string, uint32_t>* left_out_rows = nullptr);
 
 // The mean of a centre is worth so many rows at most: the errors of the pixel grid, the lens and
 // the light are the same in every row of what does not move.

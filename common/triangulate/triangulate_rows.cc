@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -17,6 +18,7 @@ namespace rigcal {
 namespace {
 
 constexpr double kUnknownSigmaPx = 0.5;
+constexpr size_t kMaxOddViews = 200;  // even; to see what the matter is
 
 // One camera's rows, ready to be asked.
 struct TriangulationTrack {
@@ -113,7 +115,11 @@ class RowTriangulator {
       if (first->time_ns > options_.until_ns) continue;
       triangulation_.last_row_ns = std::max(triangulation_.last_row_ns, last->time_ns);
       const int64_t time_ns = MeanTimeNs(group);
+      odd_cameras_.clear();
       for (size_t marker = 0; marker < marker_count_; ++marker) AddPoint(group, time_ns, marker);
+      for (const int camera : odd_cameras_) {
+        ++triangulation_.left_out_rows[cameras_[static_cast<size_t>(camera)].camera];
+      }
     }
     std::ranges::stable_sort(triangulation_.points, {}, &TriangulatedPoint::rig_time_ns);
     return std::move(triangulation_);
@@ -139,11 +145,13 @@ class RowTriangulator {
     if (point && CorrectSphereCentres(point->position_m, kinds, &views)) {
       point = FitPoint(cameras_, views);
     }
-    if (!point) {
+    // Rays of three cameras that meet nowhere may be two that do, and one that misses.
+    if (!point && views.size() < 3) {
       ++triangulation_.no_ray_count;
       return;
     }
-    while (point->WorstSigmas() > options_.max_sigmas) {
+    if (views.size() > 2 && (!point || point->WorstSigmas() > options_.max_sigmas)) KeepOdd(views);
+    while (!point || point->WorstSigmas() > options_.max_sigmas) {
       if (views.size() < 3 || !LeaveOut(&views, &point)) {
         ++triangulation_.disagree_count;
         return;
@@ -164,6 +172,18 @@ class RowTriangulator {
     added.views = std::move(views);
   }
 
+  // Every second one goes when there is no more room, and every second one that comes.
+  void KeepOdd(const std::vector<PixelView>& views) {
+    if (triangulation_.odd_count++ % odd_stride_ != 0) return;
+    std::vector<std::vector<PixelView>>& kept = triangulation_.odd_views;
+    if (kept.size() == kMaxOddViews) {
+      for (size_t i = 0; i < kMaxOddViews / 2; ++i) kept[i] = std::move(kept[2 * i]);
+      kept.resize(kMaxOddViews / 2);
+      odd_stride_ *= 2;
+    }
+    kept.push_back(views);
+  }
+
   // The view without which the others agree best is taken out.
   bool LeaveOut(std::vector<PixelView>* views, std::optional<FittedPoint>* point) {
     std::optional<FittedPoint> best;
@@ -179,6 +199,7 @@ class RowTriangulator {
     if (!best) return false;
     const int camera = (*views)[best_view].camera;
     ++triangulation_.left_out[cameras_[static_cast<size_t>(camera)].camera];
+    odd_cameras_.insert(camera);
     views->erase(views->begin() + static_cast<std::ptrdiff_t>(best_view));
     *point = std::move(best);
     return true;
@@ -206,6 +227,8 @@ class RowTriangulator {
   size_t marker_count_ = 0;
   std::vector<TriangulationTrack> tracks_;
   std::vector<MotionWeightsMemory> memories_;  // by track
+  std::set<int> odd_cameras_;                  // of the instant: with centres that were left out
+  uint32_t odd_stride_ = 1;
   Triangulation triangulation_;
 };
 

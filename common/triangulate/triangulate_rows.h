@@ -57,6 +57,10 @@ struct Triangulation {
   uint32_t alone_count = 0, no_ray_count = 0, disagree_count = 0;
   std::map<std::string, uint32_t>
       left_out;  // by camera: centres that did not agree with the others
+  std::map<std::string, uint32_t> left_out_rows;  // rows with such centres
+  // Of markers whose views did not all agree, three at least: all of them, of an even choice.
+  std::vector<std::vector<PixelView>> odd_views;
+  uint32_t odd_count = 0;  // of which the above are chosen
   // Rig time of the last row that is part of an instant.
   int64_t last_row_ns = std::numeric_limits<int64_t>::min();
 };

@@ -135,9 +135,14 @@ absl::StatusOr<CalibrationResult> DeriveOrigin(CalibrationInput* input,
           "or calibrate from this session first");
     }
     const TriangulationOptions triangulation = TriangulationFor(*input, options);
+    std::map<std::string, uint32_t> left_out_rows;
     absl::StatusOr<std::vector<MarkerViews>> found =
-        MeasureForOrigin(timed.calibration, request, timed.rows, triangulation);
+        MeasureForOrigin(timed.calibration, request, timed.rows, triangulation, &left_out_rows);
     if (!found.ok()) return Explained(found.status(), timed, triangulation);
+    for (const auto& [camera, count] : left_out_rows) {
+      refused->Add(camera, RefusalReason::kOutlier, count,
+                   "rows whose rays miss those of the other cameras");
+    }
     measured = *std::move(found);
     for (const TargetPoint& point : input->target.points) labels.push_back(point.label);
   } else if (request.NeedsRows() && measured.empty()) {

@@ -144,10 +144,29 @@ TEST_F(FrameDerivation, RefusesWhatGivesNoFrame) {
   std::swap(exchanged.tracks[0].observations, exchanged.tracks[1].observations);
   EXPECT_THAT(refusal(exchanged, OriginOptionsOf(FrameSource::kFloor)),
               StatusIs(absl::StatusCode::kFailedPrecondition,
-                       AllOf(HasSubstr("sim_0 (100 % of"), HasSubstr("sim_1 (100 % of"),
-                             HasSubstr("--only sim_0,sim_1"))));
+                       HasSubstr("are the files of sim_0 and sim_1 exchanged")));
   std::swap(exchanged.tracks[2].observations, exchanged.tracks[3].observations);
   EXPECT_FALSE(refusal(exchanged, OriginOptionsOf(FrameSource::kFloor)).ok());
+}
+
+// A frame is made from the others; how many rows had no part in it is said.
+TEST_F(FrameDerivation, RowsThatMissTheOthersAreCounted) {
+  CalibrationInput input = Floor(*world_, 3);
+  // A run of them: a single one that jumps is no part of its track.
+  for (size_t i = 0; i < 12; ++i) {
+    for (MarkerObservation& marker : input.tracks[2].observations[i].markers) {
+      marker.centre_px.x() += 60;
+    }
+  }
+  input.parent = *parent_;
+  ASSERT_OK_AND_ASSIGN(const CalibrationResult result,
+                       Solve(std::move(input), OriginOptionsOf(FrameSource::kFloor)));
+  const auto counted = std::ranges::find(result.refused, std::string("sim_2"), &Refusal::camera);
+  ASSERT_NE(counted, result.refused.end());
+  EXPECT_EQ(counted->reason, RefusalReason::kOutlier);
+  EXPECT_GE(counted->count, 10u);
+  EXPECT_LE(counted->count, 13u);
+  EXPECT_THAT(counted->example, HasSubstr("miss those of the other cameras"));
 }
 
 TEST_F(FrameDerivation, ARepairStaysInAFrameOfItsOwnWithItsUncertainty) {

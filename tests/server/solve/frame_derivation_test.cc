@@ -152,10 +152,11 @@ TEST_F(FrameDerivation, RefusesWhatGivesNoFrame) {
 // A frame is made from the others; how many rows had no part in it is said.
 TEST_F(FrameDerivation, RowsThatMissTheOthersAreCounted) {
   CalibrationInput input = Floor(*world_, 3);
-  // A run of them: a single one that jumps is no part of its track.
+  // A run of them: a single one that jumps is no part of its track. Across the epipolar lines, so
+  // that two cameras alone tell, too.
   for (size_t i = 0; i < 12; ++i) {
     for (MarkerObservation& marker : input.tracks[2].observations[i].markers) {
-      marker.centre_px.x() += 60;
+      marker.centre_px.y() += 60;
     }
   }
   input.parent = *parent_;

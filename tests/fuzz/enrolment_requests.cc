@@ -31,7 +31,7 @@ namespace {
 
 using ::rigcal::server::HttpResponse;
 
-constexpr int kInputsOfAServer = 256;  // its files grow with each that joins
+constexpr int kInputsOfAServer = 4096;  // its files grow with each that joins
 
 std::string InJson(const std::string& pem) { return absl::StrReplaceAll(pem, {{"\n", "\\n"}}); }
 
@@ -64,28 +64,20 @@ class Server {
   }
 
   void Send(const std::string& path, std::string body) {
-    std::vector<std::string> ids;
-    const auto fresh = [&](const char* word, rigcal::Role role) {
-      if (!absl::StrContains(body, word)) return;
-      const auto made = authority_->CreateToken(role, absl::Hours(1), "");
-      FUZZ_CHECK(made.ok());
-      ids.push_back(made->token.id);
-      const std::string secret = rigcal::ParseJoinString(made->join_string)->secret;
-      const bool whole = role == rigcal::Role::kOperator;
-      absl::StrReplaceAll({{word, whole ? made->join_string : absl::WebSafeBase64Escape(secret)}},
-                          &body);
-    };
-    fresh("@SECRET@", rigcal::Role::kAgent);
-    fresh("@JOIN@", rigcal::Role::kOperator);
+    Offer("@SECRET@", &agent_, &body);
+    Offer("@JOIN@", &operator_, &body);
     absl::StrReplaceAll(words_, &body);
     for (const rigcal::server::HttpRoute& route : routes_) {
-      if (route.method == "POST" && route.path == path && body.size() <= route.max_body_bytes) {
-        rigcal::server::HttpRequest request{.peer = "10.0.0.6"};
-        request.body = body;
-        Check(path, route.handle(request));
+      if (route.method != "POST" || route.path != path || body.size() > route.max_body_bytes) {
+        continue;
       }
+      rigcal::server::HttpRequest request{.peer = "10.0.0.6"};
+      request.body = body;
+      const HttpResponse response = route.handle(request);
+      Check(path, response);
+      if (response.status == 200 && path == "/v1/enrol") Revoke(&agent_);
+      if (response.status == 200 && path == "/v1/login") Revoke(&operator_);
     }
-    for (const std::string& id : ids) FUZZ_CHECK(authority_->RevokeToken(id).ok());
   }
 
  private:
@@ -100,7 +92,36 @@ class Server {
         rigcal::ReadIssued("server:7421", {.status = 200, .body = response.body}, &joined).ok());
   }
 
+  // A join string that nobody has used. Making one writes to the disk.
+  struct Token {
+    rigcal::Role role;
+    std::string id = {};  // empty: there is none
+    std::string text = {};
+  };
+
+  // Puts it in the place of the word, if that is there.
+  void Offer(const char* word, Token* token, std::string* body) {
+    if (!absl::StrContains(*body, word)) return;
+    if (token->id.empty()) {
+      const auto made = authority_->CreateToken(token->role, absl::Hours(1), "");
+      FUZZ_CHECK(made.ok());
+      token->id = made->token.id;
+      token->text =
+          token->role == rigcal::Role::kOperator
+              ? made->join_string
+              : absl::WebSafeBase64Escape(rigcal::ParseJoinString(made->join_string)->secret);
+    }
+    absl::StrReplaceAll({{word, token->text}}, body);
+  }
+  // With who has used it, so that the name is free again.
+  void Revoke(Token* token) {
+    FUZZ_CHECK(authority_->RevokeToken(token->id).ok());
+    token->id.clear();
+  }
+
   rigcal::testing::FuzzFolder folder_;
+  Token agent_{rigcal::Role::kAgent};
+  Token operator_{rigcal::Role::kOperator};
   std::unique_ptr<rigcal::server::IdentityAuthority> authority_;
   std::vector<rigcal::server::HttpRoute> routes_;
   rigcal::PeerIdentity peer_;

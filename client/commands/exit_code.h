@@ -27,7 +27,7 @@ inline constexpr std::string_view kExitCodeHelp =
     "  2  usage: the command line is wrong\n"
     "  3  calibrated, but below the quality gate (quality.grade is BAD)\n"
     "  4  not allowed\n"
-    "  5  not verified: observations are damaged, missing or not delivered yet (session verify)\n"
+    "  5  not verified: observations damaged, missing or waiting (session verify)\n"
     "  6  server unreachable\n"
     "  7  a camera has moved, or it cannot be told (monitor)\n"
     "Ended by a signal: 128 and its number, as the shell counts it.";

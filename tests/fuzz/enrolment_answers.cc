@@ -97,7 +97,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   rigcal::HttpsAnswer answer{
       .status = kind == 2 ? 403u : 200u,
       .body = absl::StrReplaceAll(absl::string_view(text.data(), text.size()),
-                                  kind == 0 ? identity.plain : identity.escaped)};
+                                  kind == 0 ? identity.plain : identity.escaped),
+      .server_time = {}};
   if (kind == 0) {
     CheckCa(identity, answer);
   } else if (kind == 3) {

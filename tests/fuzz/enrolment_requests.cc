@@ -88,8 +88,10 @@ class Server {
     if (path == "/v1/login" || response.status != 200) return;
     // Whoever gets a certificate can use it.
     rigcal::PeerIdentity joined = peer_;
-    FUZZ_CHECK(
-        rigcal::ReadIssued("server:7421", {.status = 200, .body = response.body}, &joined).ok());
+    FUZZ_CHECK(rigcal::ReadIssued("server:7421",
+                                  {.status = 200, .body = response.body, .server_time = {}},
+                                  &joined)
+                   .ok());
   }
 
   // A join string that nobody has used. Making one writes to the disk.

@@ -71,7 +71,7 @@ std::vector<double> AskForStatus(const std::shared_ptr<grpc::Channel>& channel, 
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + seconds(20));
     v1::GetStatusResponse response;
-    EXPECT_OK(wire::FromGrpc(stub->GetStatus(&context, {}, &response)));
+    EXPECT_THAT(wire::FromGrpc(stub->GetStatus(&context, {}, &response)), IsOk());
     times.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
     std::this_thread::sleep_until(begin + milliseconds(20));
   }
@@ -103,7 +103,9 @@ TEST_P(Http2FloodTest, IsCutAndNamedAndOthersDoNotNotice) {
       Name(GetParam()), static_cast<double>(bytes) / 1e6, connections,
       static_cast<long long>(FloodTime().count()), before_mb, peak_mb,
       MemoryMb(server.process().pid()), times.size(), p99_s, times.back());
-  if (!kMemoryIsSanitized) EXPECT_LT(peak_mb, kMaxServerMb);
+  if (!kMemoryIsSanitized) {
+    EXPECT_LT(peak_mb, kMaxServerMb);
+  }
   // Generous limits, against waiting for the end of the flood.
   EXPECT_LT(p99_s, 2);
   EXPECT_THAT(Audit(), ::testing::ContainsRegex("connection_cut.*mallory"));
@@ -116,8 +118,8 @@ INSTANTIATE_TEST_SUITE_P(Attacks, Http2FloodTest,
                                            Http2Attack::kEndlessContinuation,
                                            Http2Attack::kEndlessHeader,
                                            Http2Attack::kUnreadAnswers),
-                         [](const auto& info) {
-                           std::string name = Name(info.param);
+                         [](const auto& attack) {
+                           std::string name = Name(attack.param);
                            std::erase(name, ' ');
                            return name;
                          });

@@ -399,10 +399,10 @@ TEST_F(JoinServer, SaysWhyAConnectionIsRefused) {
     return ExplainRefusal(folder, std::chrono::seconds(3));
   };
   EXPECT_THAT(why(), IsOk());
-  const auto ca = server::CertificateAuthority::Open(this->folder());
   const PeerIdentity good = identity;
-  identity.certificate_pem = *ca->IssuePeer(
-      {Role::kAgent, "pc-1", PublicKeyOf(good.certificate_pem)}, Now() - absl::Hours(24 * 40));
+  identity.certificate_pem =
+      IssuedBefore(this->folder(), {Role::kAgent, "pc-1", PublicKeyOf(good.certificate_pem)},
+                   Now() - absl::Hours(24 * 40));
   EXPECT_THAT(why(), StatusIs(absl::StatusCode::kAborted, HasSubstr("renewed just now")));
   EXPECT_THAT(ExplainRefusal(folder, std::chrono::seconds(3)), IsOk());
   identity = good;

@@ -67,7 +67,7 @@ TEST_F(TokenStore, UsedOnesTakeNoPlace) {
       EXPECT_THAT(
           Find(secrets[i]),
           StatusIs(absl::StatusCode::kPermissionDenied,
-                   HasSubstr("already used, at 2026-11-18T10:26:40Z by rigcal://agents/pc-" +
+                   HasSubstr("already used, at 2026-11-18T11:06:40Z by rigcal://agents/pc-" +
                              std::to_string(i))))
           << i;
     }
@@ -99,7 +99,7 @@ TEST_F(TokenStore, ExpiredOnesLeaveTheListAndAreStillKnown) {
   EXPECT_THAT(store_->tokens(), SizeIs(1));
   Open();
   EXPECT_THAT(Find(expired->secret),
-              StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("expired at 2026-11-18T11")));
+              StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("expired at 2026-11-18T12")));
   EXPECT_THAT(Find(std::string(16, 'x')),
               StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("not known here")));
 }
@@ -112,8 +112,8 @@ TEST_F(TokenStore, TheFilesAreBounded) {
   std::string text = R"({"spent":[)";
   for (size_t i = 0; i < server::kSpentTokens; ++i) {
     text += R"({"secret_sha256":")" + std::string(60, 'a') + std::to_string(1000 + i) +
-            R"(","expires":"2026-11-18T10:26:40Z","why":"was already used, at )"
-            "2026-11-18T10:26:40Z by rigcal://agents/" +
+            R"(","expires":"2026-11-18T11:06:40Z","why":"was already used, at )"
+            "2026-11-18T11:06:40Z by rigcal://agents/" +
             std::string(64, 'n') + R"("})" + (i + 1 < server::kSpentTokens ? "," : "]}");
   }
   data_.WriteFile("spent_tokens.json", text);

@@ -116,11 +116,11 @@ TEST_F(TlsIdentity, AWatchOfARevokedUserIsCut) {
 // An agent that cannot renew, and one that has renewed: both are cut at the end of the certificate
 // that they came with; the second comes back with its new one, and nothing is lost.
 TEST_F(TlsIdentity, AStreamEndsWithItsCertificate) {
-  StartWave({"left"});
   // Long enough to connect and to send.
   constexpr int64_t kLife_s = 4;
   TestAgent agent(Channel(ca_.Make({.ends_in_s = kLife_s})), MakeHello("pc1", {"left"}));
   agent.ReadHello();
+  StartWave({"left"});
   agent.SendBatch(MakeBatch({"wave", "left", 1}, 1, 10));
   EXPECT_EQ(agent.ReadAck("left", 10).durable_seq(), 10u);
   TestAgent other(AgentChannel("pc2"), MakeHello("pc2", {"right"}));

@@ -5,6 +5,7 @@
 
 #include <future>
 
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -80,7 +81,7 @@ absl::Status ServerConnection::Explain(const grpc::Status& status,
   const bool plain =
       wire::IsOnThisMachine(address_) && !address_.starts_with("unix:") && !identity_.Exists();
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE && plain &&
-      (cause == "Socket closed" || cause == "Connection reset by peer")) {
+      (absl::StrContains(cause, "Socket closed") || absl::StrContains(cause, "reset by peer"))) {
     return absl::UnavailableError(absl::StrCat(
         "the server at ", address_, " closes connections without a certificate (", cause,
         "). Where it is open to the network, only the user who runs it needs none, without "
@@ -89,9 +90,9 @@ absl::Status ServerConnection::Explain(const grpc::Status& status,
   }
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
     if (const absl::Status why = WhyRefused(address_, identity_); !why.ok()) {
-      return absl::Status(
-          why.code(), absl::StrCat("the server at ", address_, " does not let this user in (",
-                                   cause, "):\n", std::string(why.message())));
+      return absl::Status(why.code(),
+                          absl::StrCat("the server at ", address_, " does not let this user in (",
+                                       cause, "):\n", std::string(why.message())));
     }
     return absl::UnavailableError(
         absl::StrCat("cannot reach the server at ", address_, " (", cause, "). ", kAdvice,

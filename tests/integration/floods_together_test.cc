@@ -345,8 +345,10 @@ TEST_F(FloodsTogether, LeaveAnotherClientServedAndTheServerSmall) {
     for (const auto& [name, call] : calls) {
       for (const auto& [code, count] : call->Await()) {
         std::printf("%d messages of 4 MiB of %s end with code %d\n", count, name.c_str(), code);
+        // Refused; or so many are under way at once that their connection is cut as a flood.
         EXPECT_THAT(code, AnyOf(Eq(grpc::StatusCode::INVALID_ARGUMENT),
-                                Eq(grpc::StatusCode::RESOURCE_EXHAUSTED)))
+                                Eq(grpc::StatusCode::RESOURCE_EXHAUSTED),
+                                Eq(grpc::StatusCode::UNAVAILABLE)))
             << name;
       }
     }

@@ -112,7 +112,7 @@ TEST_F(ApiCalls, SaysWhatIsWrongWithARequest) {
   expect_fault(Call("POST", "/v1/sessions", "{\"id\":"), "CreateSessionRequest");
   expect_fault(Call("POST", "/v1/sessions", "{\"camera\": 1}"), "camera");
   expect_fault(Call("POST", "/v1/sessions", "{\"id\": \"\xff\"}"), "CreateSessionRequest");
-  expect_fault(Call("POST", "/v1/sessions", std::string(100'000, '[')), "64 levels deep");
+  expect_fault(Call("POST", "/v1/sessions", std::string(100'000, '[')), "JSON object");
   expect_fault(Call("POST", "/v1/sessions", "{\"target\":" + std::string(10'000, '{')),
                "64 levels deep");
   // The limits of requests are those of gRPC.

@@ -120,7 +120,7 @@ TEST_F(TlsIdentity, AStreamEndsWithItsCertificate) {
   constexpr int64_t kLife_s = 4;
   TestAgent agent(Channel(ca_.Make({.ends_in_s = kLife_s})), MakeHello("pc1", {"left"}));
   agent.ReadHello();
-  StartWave({"left"});
+  StartWave();
   agent.SendBatch(MakeBatch({"wave", "left", 1}, 1, 10));
   EXPECT_EQ(agent.ReadAck("left", 10).durable_seq(), 10u);
   TestAgent other(AgentChannel("pc2"), MakeHello("pc2", {"right"}));

@@ -18,8 +18,8 @@ struct ConnectionTraffic {
 };
 
 struct FloodLimits {
-  // Received over one connection and not explained.
-  uint64_t unexplained_bytes = 8u << 20;
+  // Received over one connection and not explained: one and a half of the largest messages.
+  uint64_t unexplained_bytes = 6u << 20;
   // From here on a connection is a suspect, if half of what it received lately is not explained.
   uint64_t suspect_bytes = 64u << 10;
   // Growth of the process's memory since it had no suspect, at which the greatest suspect is cut;

@@ -55,12 +55,12 @@ TEST_F(FloodGuardTest, AMessageIsExplainedOnceItIsWhole) {
 }
 
 TEST_F(FloodGuardTest, WhatNoCallAccountsForIsOne) {
-  first().received_bytes = 8 * kMb;
+  first().received_bytes = 6 * kMb;
   second().received_bytes = second().explained_bytes = 8 * kMb;
   EXPECT_THAT(Look(), IsEmpty());
   first().received_bytes += kMb;
   EXPECT_THAT(Look(), ElementsAre(AllOf(Field(&FloodGuard::Cut::id, 1),
-                                        Field(&FloodGuard::Cut::why, HasSubstr("9.0 MB")))));
+                                        Field(&FloodGuard::Cut::why, HasSubstr("7.0 MB")))));
 }
 
 TEST_F(FloodGuardTest, KeepaliveOfAYearIsNone) {
@@ -109,7 +109,7 @@ TEST_F(FloodGuardTest, MuchMemoryCutsWhoeverHasMostUnexplained) {
 }
 
 TEST_F(FloodGuardTest, ANewConnectionBeginsAnew) {
-  first().received_bytes = 7 * kMb;
+  first().received_bytes = 6 * kMb;
   EXPECT_THAT(Look(), IsEmpty());
   first().id = 3;
   first().received_bytes = 5 * kMb;

@@ -19,8 +19,6 @@ namespace {
 
 constexpr std::string_view kOwnServices = "/rigcal.v1.";
 constexpr std::string_view kServedAsBytes = "/rigcal.v1.LiveService/GetLive";
-// Headers of a call, once HPACK has what most of them share.
-constexpr size_t kHeaderBytes = 512;
 
 std::string_view View(grpc::string_ref text) { return {text.data(), text.size()}; }
 
@@ -84,7 +82,7 @@ class CallObserver final : public grpc::experimental::Interceptor {
                                 ? static_cast<google::protobuf::Message*>(methods->GetRecvMessage())
                                 : nullptr;
       security_.NoteMessage(caller_,
-                            kHeaderBytes + (message == nullptr ? 0 : message->ByteSizeLong()));
+                            kCallHeaderBytes + (message == nullptr ? 0 : message->ByteSizeLong()));
       if (audited && message != nullptr) request_ = message->ShortDebugString();
     }
     if (audited && methods->QueryInterceptionHookPoint(Point::PRE_SEND_STATUS)) {

@@ -22,6 +22,9 @@
 
 namespace rigcal::server {
 
+// What the headers of a call take, once HPACK has what most of them share.
+inline constexpr size_t kCallHeaderBytes = 512;
+
 // Who makes a call, and from where.
 struct Caller {
   Peer peer;

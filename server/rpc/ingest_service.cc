@@ -12,13 +12,6 @@
 #include "server/rpc/deliveries.h"
 
 namespace rigcal::server {
-namespace {
-
-// Headers of a call, once HPACK has what most of them share.
-constexpr size_t kUploadHeaderBytes = 512;
-
-}  // namespace
-
 IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coordinator,
                              Ingest* ingest, PreviewBroker* previews, DetectorBroker* detectors,
                              std::string server_id, CallSecurity* security, AgentRegistry* registry)
@@ -64,7 +57,7 @@ grpc::ServerUnaryReactor* IngestService::UploadBatch(grpc::CallbackServerContext
                                                      v1::UploadBatchResponse* response) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   const Caller caller = environment_.security->CallerOf(*context);
-  environment_.security->NoteMessage(caller, request->ByteSizeLong() + kUploadHeaderBytes);
+  environment_.security->NoteMessage(caller, request->ByteSizeLong() + kCallHeaderBytes);
   // What is left of the call is in nobody's power but ours: ingest always answers.
   environment_.security->EndCall(caller);
   absl::StatusOr<Delivery> delivery = ParseDelivery(*request, environment_.options.max_batch_rows);

@@ -43,6 +43,7 @@ bool ReadTraffic(int descriptor, ConnectionTraffic* traffic) {
   const auto unread = static_cast<uint64_t>(std::max(waiting, 0));
   traffic->received_bytes =
       info.tcpi_bytes_received - std::min(unread, uint64_t{info.tcpi_bytes_received});
+  traffic->waiting_bytes = unread;
   traffic->sent_bytes = info.tcpi_bytes_acked;
   return true;
 }

@@ -23,6 +23,23 @@ double Growth(uint64_t now, uint64_t before) {
 
 }  // namespace
 
+bool FloodGuard::IsSlow(Account* account, Clock::time_point now) const {
+  const ConnectionTraffic& traffic = account->last;
+  const bool may_be =
+      traffic.waiting_bytes > 0 && account->unexplained >= static_cast<double>(limits_.slow_bytes);
+  if (!may_be || account->slow_since == Clock::time_point()) {
+    account->slow_since = may_be ? now : Clock::time_point();
+    account->slow_from = traffic.received_bytes;
+    return false;
+  }
+  if (now - account->slow_since < limits_.slow_time) return false;
+  const double read = Growth(traffic.received_bytes, account->slow_from);
+  const double passed_s = std::chrono::duration<double>(now - account->slow_since).count();
+  account->slow_since = now;
+  account->slow_from = traffic.received_bytes;
+  return read < passed_s * static_cast<double>(limits_.least_bytes_per_second);
+}
+
 std::vector<FloodGuard::Cut> FloodGuard::Look(const std::vector<ConnectionTraffic>& open,
                                               uint64_t memory_bytes, Clock::time_point now) {
   const bool first = last_look_ == Clock::time_point();
@@ -44,7 +61,15 @@ std::vector<FloodGuard::Cut> FloodGuard::Look(const std::vector<ConnectionTraffi
     account.last = traffic;
     account.unexplained = std::max(0.0, account.unexplained + received - explained);
     account.received_since = account.unexplained > 0 ? account.received_since + received : 0;
+    const bool is_slow = IsSlow(&account, now);
     const Account& kept = accounts[traffic.id] = account;
+    if (is_slow) {
+      cuts.push_back({.id = traffic.id,
+                      .why = absl::StrFormat("%.1f MB that no call accounts for keep the server "
+                                             "busy, and more waits behind them",
+                                             kept.unexplained / 1e6)});
+      continue;
+    }
     if (kept.unexplained > static_cast<double>(limits_.unexplained_bytes)) {
       cuts.push_back({.id = traffic.id,
                       .why = absl::StrFormat("it has sent %.1f MB that no call accounts for",

@@ -15,6 +15,7 @@ struct ConnectionTraffic {
   uint64_t received_bytes = 0;  // and read by gRPC
   uint64_t sent_bytes = 0;
   uint64_t explained_bytes = 0;  // received in messages that services have got, and their headers
+  uint64_t waiting_bytes = 0;    // received and not read by gRPC
 };
 
 struct FloodLimits {
@@ -28,6 +29,12 @@ struct FloodLimits {
   uint64_t memory_growth_bytes = 96u << 20;
   uint64_t most_memory_growth_bytes = 256u << 20;
   uint64_t least_bytes = 16u << 10;
+  // With so many bytes unexplained and others that wait, gRPC must read this many a second. It
+  // copies all of an unfinished header for each frame that continues it, and serves nobody else
+  // from that thread meanwhile.
+  uint64_t slow_bytes = 256u << 10;
+  uint64_t least_bytes_per_second = 1u << 20;
+  std::chrono::milliseconds slow_time{500};
 };
 
 // Finds connections whose traffic fills the server's memory. gRPC 1.51 bounds neither header blocks
@@ -59,7 +66,11 @@ class FloodGuard {
     ConnectionTraffic last;
     double unexplained = 0;     // bytes
     double received_since = 0;  // since all was explained
+    Clock::time_point slow_since = {};
+    uint64_t slow_from = 0;  // received_bytes then
   };
+  // Bytes were waiting at every look of the last `slow_time`, and few were read.
+  bool IsSlow(Account* account, Clock::time_point now) const;
 
   const FloodLimits limits_;
   std::map<uint64_t, Account> accounts_;

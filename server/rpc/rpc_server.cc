@@ -158,8 +158,10 @@ absl::StatusOr<int> RpcServer::Start() {
   builder.experimental().SetInterceptorCreators(std::move(observers));
   builder.RegisterService(&ingest_service_);
   for (const auto& service : services_) builder.RegisterService(service.get());
+  pollers_.AddTo(&builder);
   server_ = builder.BuildAndStart();
   if (!server_) return absl::InternalError("gRPC cannot start; its log is ours at level debug");
+  pollers_.Start();
   for (const char* service : kOtherServices) {
     server_->GetHealthCheckService()->SetServingStatus(service, true);
   }
@@ -244,6 +246,7 @@ void RpcServer::Shutdown(std::chrono::milliseconds grace) {
   // gRPC waits for clients to close their connections, whether they are in a call or not; what is
   // left has been told why, and gets the time to hear it.
   server_->Shutdown(std::chrono::system_clock::now() + std::min(grace, kFarewell));
+  pollers_.Shutdown();
 }
 
 std::shared_ptr<grpc::Channel> RpcServer::InProcessChannel() {

@@ -21,6 +21,7 @@
 #include "server/listen/listener.h"
 #include "server/rpc/call_security.h"
 #include "server/rpc/ingest_service.h"
+#include "server/rpc/pollers.h"
 #include "server/rpc/services.h"
 #include "server/session/task_queue.h"
 
@@ -100,6 +101,7 @@ class RpcServer {
   LiveAnswers live_answers_;
   IngestService ingest_service_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
+  Pollers pollers_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> plain_;
   std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> tls_;

@@ -54,6 +54,33 @@ TEST_F(FloodGuardTest, AMessageIsExplainedOnceItIsWhole) {
   }
 }
 
+TEST_F(FloodGuardTest, AHeaderThatIsCopiedAgainAndAgainIsOne) {
+  first().received_bytes = kMb;
+  first().waiting_bytes = second().waiting_bytes = 50'000;
+  second().received_bytes = 200'000;  // too little to keep anybody busy
+  std::vector<FloodGuard::Cut> cuts;
+  for (int i = 0; i < 12 && cuts.empty(); ++i) {
+    first().received_bytes += 20'000;
+    cuts = Look();
+  }
+  EXPECT_THAT(cuts, ElementsAre(AllOf(Field(&FloodGuard::Cut::id, 1),
+                                      Field(&FloodGuard::Cut::why, HasSubstr("busy")))));
+}
+
+TEST_F(FloodGuardTest, ALargeMessageThatIsReadAsItComesIsNone) {
+  first().waiting_bytes = 50'000;
+  for (int i = 0; i < 50; ++i) {
+    first().received_bytes += 100'000;
+    ASSERT_THAT(Look(), IsEmpty());
+  }
+  // A slow line: nothing waits.
+  first().waiting_bytes = 0;
+  for (int i = 0; i < 50; ++i) {
+    first().received_bytes += 1'000;
+    ASSERT_THAT(Look(), IsEmpty());
+  }
+}
+
 TEST_F(FloodGuardTest, WhatNoCallAccountsForIsOne) {
   first().received_bytes = 6 * kMb;
   second().received_bytes = second().explained_bytes = 8 * kMb;

@@ -227,10 +227,11 @@ void AddEvaluate(CommandParser& parser) {
   app->add_flag("--scale", options->evaluation.fit_scale,
                 "Fit the scale, too: a similarity instead of a rigid motion");
   app->add_flag("--keep-time", options->keep_time, "Fit no time offset");
-  AddOption(app, "--longest-offset", "S", &options->evaluation.longest_offset_s,
-            "Time offsets up to this are searched, seconds (default 1)");
+  AddOption(
+      app, "--longest-offset", "S", &options->evaluation.longest_offset_s,
+      "Time offsets up to this are searched, seconds (default: all at which the two overlap)");
   AddOption(app, "--longest-gap", "S", &options->evaluation.longest_gap_s,
-            "Gaps of the ground truth up to this are interpolated, seconds (default 0.1)");
+            "Gaps up to this are interpolated, seconds (default 0.1)");
   AddOption(app, "--plot", "FILE", &options->plot, "Write the errors over time as SVG");
 }
 

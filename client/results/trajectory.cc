@@ -6,33 +6,101 @@
 #include <initializer_list>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 #include "common/status/status_macros.h"
 #include "common/text/line_reader.h"
 
 namespace rigcal::client {
 namespace {
 
-struct TrajectoryColumns {
-  size_t time = 0;
-  size_t axis[3] = {};
-  std::optional<size_t> label;
+// What a column holds, and what its numbers are times, to be seconds or metres.
+struct Column {
+  size_t index = 0;
+  double factor = 1;
 };
 
-std::optional<size_t> FindColumn(const std::vector<std::string>& header,
-                                 std::initializer_list<const char*> names) {
-  for (const char* const name : names) {
-    const auto found = std::find(header.begin(), header.end(), name);
-    if (found != header.end()) return static_cast<size_t>(found - header.begin());
+// A point's columns in a row.
+struct PointColumns {
+  std::string label;
+  Column axis[3];
+};
+
+struct TrajectoryColumns {
+  Column time;
+  std::vector<PointColumns> points;
+  std::optional<size_t> label;  // a column that names the row's point
+};
+
+constexpr std::pair<const char*, double> kUnits[] = {{"s", 1},
+                                                     {"sec", 1},
+                                                     {"seconds", 1},
+                                                     {"ms", 1e-3},
+                                                     {"us", 1e-6},
+                                                     {"ns", 1e-9},
+                                                     {"m", 1},
+                                                     {"meters", 1},
+                                                     {"metres", 1},
+                                                     {"cm", 1e-2},
+                                                     {"mm", 1e-3},
+                                                     {"centimeters", 1e-2},
+                                                     {"millimeters", 1e-3}};
+
+std::optional<double> FactorOf(const std::string& unit) {
+  for (const auto& [name, factor] : kUnits) {
+    if (unit == name) return factor;
   }
   return std::nullopt;
 }
 
-std::vector<std::string> CellsOf(std::string_view line) {
-  std::vector<std::string> cells = absl::StrSplit(absl::string_view(line.data(), line.size()), ',');
-  for (std::string& cell : cells) absl::StripAsciiWhitespace(&cell);
+// "Time (ms)", "x_mm", "X [mm]" and "x" to a name in lower case and its unit's factor.
+std::pair<std::string, double> NameAndFactor(std::string text) {
+  absl::AsciiStrToLower(&text);
+  const size_t cut = text.find_last_of("([_");
+  if (cut == std::string::npos) return {text, 1};
+  std::string unit = text.substr(cut + 1);
+  while (!unit.empty() && (unit.back() == ')' || unit.back() == ']')) unit.pop_back();
+  const std::optional<double> factor = FactorOf(unit);
+  if (!factor) return {text, 1};
+  std::string name = text.substr(0, cut);
+  absl::StripAsciiWhitespace(&name);
+  return {name, *factor};
+}
+
+std::optional<Column> FindColumn(const std::vector<std::string>& header,
+                                 std::initializer_list<const char*> names) {
+  for (const char* const wanted : names) {
+    for (size_t i = 0; i < header.size(); ++i) {
+      const auto [name, factor] = NameAndFactor(header[i]);
+      if (name == wanted) return Column{i, factor};
+    }
+  }
+  return std::nullopt;
+}
+
+// How the cells of a file are told apart. ' ': by any white space.
+char SeparatorOf(absl::string_view line) {
+  for (const char separator : {';', '\t', ','}) {
+    if (absl::StrContains(line, separator)) return separator;
+  }
+  return ' ';
+}
+
+std::vector<std::string> CellsOf(absl::string_view line, char separator) {
+  std::vector<std::string> cells;
+  if (separator == ' ') {
+    cells = absl::StrSplit(line, absl::ByAnyChar(" \t\r"), absl::SkipEmpty());
+  } else {
+    cells = absl::StrSplit(line, separator);
+  }
+  for (std::string& cell : cells) {
+    absl::StripAsciiWhitespace(&cell);
+    if (separator == ';') std::ranges::replace(cell, ',', '.');
+  }
   return cells;
 }
 
@@ -40,36 +108,95 @@ absl::Status LineFault(const std::string& path, uint64_t line, const std::string
   return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", why));
 }
 
-absl::StatusOr<TrajectoryColumns> ColumnsOf(const std::string& path, uint64_t line,
-                                            const std::vector<std::string>& header) {
-  const auto time = FindColumn(header, {"time_s", "rig_time_s", "time", "t"});
-  const auto x = FindColumn(header, {"x_m", "x"});
-  const auto y = FindColumn(header, {"y_m", "y"});
-  const auto z = FindColumn(header, {"z_m", "z"});
-  if (!time || !x || !y || !z) {
-    return LineFault(path, line,
-                     "the header does not name time_s, x_m, y_m and z_m (seconds, metres)");
+// The first line of a file without a header: time x y z, or with the quaternion of a TUM file.
+std::optional<TrajectoryColumns> ColumnsOfNumbers(const std::vector<std::string>& cells) {
+  if (cells.size() != 4 && cells.size() != 8) return std::nullopt;
+  double number = 0;
+  for (const std::string& cell : cells) {
+    if (!absl::SimpleAtod(cell, &number)) return std::nullopt;
   }
-  return TrajectoryColumns{*time, {*x, *y, *z}, FindColumn(header, {"label", "marker", "name"})};
+  return TrajectoryColumns{.time = {0}, .points = {{"", {{1}, {2}, {3}}}}, .label = {}};
 }
 
-// False: the row says that the point was not seen.
-absl::StatusOr<bool> PointOf(const std::string& path, uint64_t line,
-                             const std::vector<std::string>& cells,
-                             const TrajectoryColumns& columns, TrajectoryPoint* point) {
-  const auto cell = [&cells](size_t i) { return i < cells.size() ? cells[i] : std::string(); };
-  if (!absl::SimpleAtod(cell(columns.time), &point->time_s) || !std::isfinite(point->time_s)) {
+absl::StatusOr<TrajectoryColumns> ColumnsOf(const std::string& path, uint64_t line,
+                                            const std::vector<std::string>& header) {
+  const auto time = FindColumn(header, {"time", "rig_time", "t", "timestamp"});
+  const auto x = FindColumn(header, {"x"});
+  const auto y = FindColumn(header, {"y"});
+  const auto z = FindColumn(header, {"z"});
+  if (!time || !x || !y || !z) {
+    return LineFault(path, line,
+                     absl::StrCat("the header does not name time_s, x_m, y_m and z_m (or ..._ms, "
+                                  "..._mm); its columns are ",
+                                  absl::StrJoin(header, ", ")));
+  }
+  const auto label = FindColumn(header, {"label", "marker", "name"});
+  return TrajectoryColumns{.time = *time,
+                           .points = {{"", {*x, *y, *z}}},
+                           .label = label ? std::optional(label->index) : std::nullopt};
+}
+
+// The header of an export of Motive, over several lines: its length unit, then one line each of
+// kinds, names, ... and at last of axes.
+class MotiveHeader {
+ public:
+  static bool Begins(const std::vector<std::string>& cells) { return cells[0] == "Format Version"; }
+
+  // The columns, once the header is complete.
+  absl::StatusOr<std::optional<TrajectoryColumns>> Next(const std::string& path, uint64_t line,
+                                                        const std::vector<std::string>& cells) {
+    if (cells[0] != "Frame") {
+      rows_.push_back(cells);
+      return std::nullopt;
+    }
+    double factor = 1;
+    for (size_t i = 0; i + 1 < rows_[0].size(); ++i) {
+      if (rows_[0][i] != "Length Units") continue;
+      factor = FactorOf(absl::AsciiStrToLower(rows_[0][i + 1])).value_or(0);
+    }
+    if (factor == 0) return LineFault(path, 1, "its length unit is not known");
+    TrajectoryColumns columns{.time = {1}, .points = {}, .label = {}};
+    const auto cell = [&](size_t row, size_t i) {
+      return row < rows_.size() && i < rows_[row].size() ? rows_[row][i] : std::string();
+    };
+    for (size_t i = 2; i + 2 < cells.size(); ++i) {
+      if (cells[i] != "X" || cells[i + 1] != "Y" || cells[i + 2] != "Z") continue;
+      if (cell(rows_.size() - 1, i) != "Position") continue;
+      columns.points.push_back({cell(2, i), {{i, factor}, {i + 1, factor}, {i + 2, factor}}});
+    }
+    if (columns.points.empty()) return LineFault(path, line, "has no positions of markers");
+    return columns;
+  }
+
+ private:
+  std::vector<std::vector<std::string>> rows_;
+};
+
+absl::StatusOr<double> TimeOf(const std::string& path, uint64_t line,
+                              const std::vector<std::string>& cells, const Column& column) {
+  double time = 0;
+  if (column.index >= cells.size() || !absl::SimpleAtod(cells[column.index], &time) ||
+      !std::isfinite(time)) {
     return LineFault(path, line, "the time is not a finite number");
   }
+  return time * column.factor;
+}
+
+// None: the row says that the point was not seen.
+absl::StatusOr<std::optional<Eigen::Vector3d>> PositionOf(const std::string& path, uint64_t line,
+                                                          const std::vector<std::string>& cells,
+                                                          const PointColumns& columns) {
+  Eigen::Vector3d position_m;
   for (int i = 0; i < 3; ++i) {
-    const std::string text = cell(columns.axis[i]);
-    if (text.empty()) return false;
-    if (!absl::SimpleAtod(text, &point->position_m[i]) || std::isinf(point->position_m[i])) {
+    const Column& column = columns.axis[i];
+    if (column.index >= cells.size() || cells[column.index].empty()) return std::nullopt;
+    if (!absl::SimpleAtod(cells[column.index], &position_m[i]) || std::isinf(position_m[i])) {
       return LineFault(path, line, "a coordinate is not a number");
     }
-    if (std::isnan(point->position_m[i])) return false;
+    if (std::isnan(position_m[i])) return std::nullopt;
+    position_m[i] *= column.factor;
   }
-  return true;
+  return position_m;
 }
 
 }  // namespace
@@ -77,22 +204,39 @@ absl::StatusOr<bool> PointOf(const std::string& path, uint64_t line,
 absl::StatusOr<Trajectories> ReadTrajectories(const std::string& path) {
   RIGCAL_ASSIGN_OR_RETURN(agent::LineReader reader, agent::LineReader::Open(path));
   std::optional<TrajectoryColumns> columns;
+  std::optional<MotiveHeader> motive;
+  char separator = ',';
   Trajectories trajectories;
   for (;;) {
     RIGCAL_ASSIGN_OR_RETURN(const auto line, reader.Next());
     if (!line) break;
     if (line->too_long) return LineFault(path, line->number, "is too long");
-    if (line->text.empty() || line->text[0] == '#') continue;
-    const std::vector<std::string> cells = CellsOf(line->text);
+    absl::string_view text(line->text.data(), line->text.size());
+    absl::ConsumePrefix(&text, "\xef\xbb\xbf");
+    text = absl::StripAsciiWhitespace(text);
+    if (text.empty() || text[0] == '#') continue;
+    if (!columns && !motive) separator = SeparatorOf(text);
+    const std::vector<std::string> cells = CellsOf(text, separator);
     if (!columns) {
-      RIGCAL_ASSIGN_OR_RETURN(columns, ColumnsOf(path, line->number, cells));
-      continue;
+      if (!motive && MotiveHeader::Begins(cells)) motive.emplace();
+      if (motive) {
+        RIGCAL_ASSIGN_OR_RETURN(columns, motive->Next(path, line->number, cells));
+        continue;
+      }
+      columns = ColumnsOfNumbers(cells);
+      if (!columns) {
+        RIGCAL_ASSIGN_OR_RETURN(columns, ColumnsOf(path, line->number, cells));
+        continue;
+      }
     }
-    TrajectoryPoint point;
-    RIGCAL_ASSIGN_OR_RETURN(const bool seen, PointOf(path, line->number, cells, *columns, &point));
-    if (!seen) continue;
-    const size_t label = columns->label.value_or(cells.size());
-    trajectories[label < cells.size() ? cells[label] : ""].push_back(point);
+    RIGCAL_ASSIGN_OR_RETURN(const double time_s, TimeOf(path, line->number, cells, columns->time));
+    for (const PointColumns& point : columns->points) {
+      RIGCAL_ASSIGN_OR_RETURN(const auto position_m, PositionOf(path, line->number, cells, point));
+      if (!position_m) continue;
+      const bool has_label = columns->label && *columns->label < cells.size();
+      trajectories[has_label ? cells[*columns->label] : point.label].push_back(
+          {time_s, *position_m});
+    }
   }
   if (trajectories.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": has no positions"));

@@ -29,6 +29,28 @@ TEST(ReadTrajectories, ReadsColumnsByName) {
   EXPECT_EQ(read.at("b")[0].position_m, Eigen::Vector3d(4, 5, 6));
 }
 
+TEST(ReadTrajectories, ReadsTheTablesOfOtherPrograms) {
+  const TemporaryDirectory directory;
+  const std::pair<const char*, const char*> files[] = {
+      {"Time,X,Y,Z\n0.5,1,2,3\n", ""},
+      {"time_ms;x_mm;y_mm;z_mm\n500;1000,0;2000,0;3000,0\n", ""},
+      {"Time (ms)\tX [mm]\tY [mm]\tZ [mm]\tMarker\n500\t1000\t2000\t3000\tm\n", "m"},
+      {"# tum\n0.5 1 2 3 0 0 0 1\n", ""},
+      {"\xef\xbb\xbftime_s, x_m, y_m, z_m\n0.5, 1, 2, 3\n", ""},
+      {"Format Version,1.23,Take Name,t,Length Units,Millimeters\n\n,,Marker,Marker,Marker\n"
+       ",,m1,m1,m1\n,,1,1,1\n,,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z\n"
+       "0,0.5,1000,2000,3000\n1,0.6,,,\n",
+       "m1"}};
+  for (const auto& [text, label] : files) {
+    const auto path = directory.WriteFile("other", text);
+    ASSERT_OK_AND_ASSIGN(const Trajectories read, ReadTrajectories(path.string()));
+    ASSERT_EQ(read.count(label), 1u) << text;
+    ASSERT_EQ(read.at(label).size(), 1u) << text;
+    EXPECT_DOUBLE_EQ(read.at(label)[0].time_s, 0.5) << text;
+    EXPECT_TRUE(read.at(label)[0].position_m.isApprox(Eigen::Vector3d(1, 2, 3))) << text;
+  }
+}
+
 TEST(ReadTrajectories, NamesFileAndLineOfEveryFault) {
   const TemporaryDirectory directory;
   const std::pair<const char*, const char*> faults[] = {

@@ -33,8 +33,11 @@ struct LeftOut {
 };
 
 absl::StatusOr<RowFile> ReadRowFile(const std::string& path, std::vector<std::string>* warnings) {
+  RIGCAL_ASSIGN_OR_RETURN(const CsvLayout layout, FindCsvLayoutOfFile(path));
   RIGCAL_ASSIGN_OR_RETURN(agent::LineReader reader, agent::LineReader::Open(path));
   RowFile file;
+  file.marker_count = static_cast<int>(layout.markers.size());
+  bool is_header = layout.has_header;
   std::map<std::string, LeftOut> left_out;
   const auto leave_out = [&](const std::string& reason, uint64_t line, const std::string& what) {
     LeftOut& entry = left_out[reason];
@@ -48,12 +51,9 @@ absl::StatusOr<RowFile> ReadRowFile(const std::string& path, std::vector<std::st
       leave_out("too long", line->number, "more than 8192 bytes");
       continue;
     }
-    const int fields = CsvFieldCount(line->text);
-    if (file.marker_count == 0 && fields >= 3 && fields % 2 == 1) {
-      file.marker_count = (fields - 1) / 2;
-    }
+    if (std::exchange(is_header, false)) continue;
     Observation row;
-    if (const auto fault = ParseCsvLine(line->text, file.marker_count, kUnusedSigmaPx, &row)) {
+    if (const auto fault = ParseCsvLine(line->text, layout, kUnusedSigmaPx, &row)) {
       leave_out("unreadable", line->number, fault->what);
       continue;
     }

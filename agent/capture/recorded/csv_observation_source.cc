@@ -13,9 +13,6 @@
 namespace rigcal::agent {
 namespace {
 
-// A recording may begin with damaged lines; one good line among the first ones decides.
-constexpr int kLinesLookedAt = 100;
-
 bool IsBlank(std::string_view text) { return text.find_first_not_of(" \t\r") == text.npos; }
 
 }  // namespace
@@ -37,32 +34,22 @@ absl::StatusOr<std::unique_ptr<CsvObservationSource>> CsvObservationSource::Crea
   return std::make_unique<CsvObservationSource>(std::move(options), std::move(description));
 }
 
-absl::Status CsvObservationSource::CheckMarkerCount(int marker_count) const {
-  RIGCAL_ASSIGN_OR_RETURN(LineReader reader, LineReader::Open(options_.path));
-  std::string first_other;
-  for (int looked_at = 0; looked_at < kLinesLookedAt;) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::optional<LineReader::Line> line, reader.Next());
-    if (!line) break;
-    if (IsBlank(line->text)) continue;
-    ++looked_at;
-    if (line->too_long) continue;
-    const int field_count = CsvFieldCount(line->text);
-    if (field_count == 1 + 2 * marker_count) return absl::OkStatus();
-    if (field_count < 3 || field_count % 2 == 0 || !first_other.empty()) continue;
-    first_other = absl::StrCat(options_.path, ":", line->number, " shows ", (field_count - 1) / 2,
-                               " markers (", field_count, " fields)");
-  }
-  // Without a valid line every line will be refused by itself.
-  if (first_other.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("camera ", options_.camera, ": ", first_other, ", but the session's target has ",
-                   marker_count, "; start a session whose target is the one that was recorded"));
-}
-
 absl::Status CsvObservationSource::Start(const Target& target) {
   refused_ = {};
   reader_.reset();
-  RIGCAL_RETURN_IF_ERROR(CheckMarkerCount(target.marker_count()));
+  absl::StatusOr<CsvLayout> layout = FindCsvLayoutOfFile(options_.path);
+  RIGCAL_RETURN_IF_ERROR(OfCamera(options_.camera, layout.status()));
+  layout_ = *std::move(layout);
+  const auto marker_count = static_cast<size_t>(target.marker_count());
+  if (layout_.markers.empty()) {
+    // No line is valid: every one will be refused by itself.
+    layout_ = CsvLayout::Of(target.marker_count());
+  } else if (layout_.markers.size() != marker_count) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "camera ", options_.camera, ": ", options_.path, " shows ", layout_.markers.size(),
+        " markers (", layout_.columns, " fields), but the session's target has ", marker_count,
+        "; start a session whose target is the one that was recorded"));
+  }
   RIGCAL_ASSIGN_OR_RETURN(reader_, LineReader::Open(options_.path));
   marker_count_ = target.marker_count();
   has_content_ = false;
@@ -85,15 +72,16 @@ absl::StatusOr<std::optional<Observation>> CsvObservationSource::Next() {
       break;
     }
     if (IsBlank(line->text)) continue;
+    const bool is_header = layout_.has_header && !has_content_;
     has_content_ = true;
+    if (is_header) continue;
     if (line->too_long) {
       Refuse(RefusalReason::kCsvLineTooLong, line->number,
              absl::StrCat("longer than ", LineReader::kMaxLineBytes, " bytes"));
       continue;
     }
     Observation observation;
-    if (const auto fault =
-            ParseCsvLine(line->text, marker_count_, options_.sigma_px, &observation)) {
+    if (const auto fault = ParseCsvLine(line->text, layout_, options_.sigma_px, &observation)) {
       Refuse(fault->reason, line->number, fault->what);
       continue;
     }

@@ -12,12 +12,13 @@
 #include "agent/capture/paced_source.h"
 #include "agent/capture/recorded/recording_options.h"
 #include "common/status/refusal.h"
+#include "common/target/csv_layout.h"
 #include "common/text/line_reader.h"
 #include "common/time/clock.h"
 
 namespace rigcal::agent {
 
-// Lines `timestamp_ns;x0;y0;x1;y1;...`, see csv_line.h.
+// Lines `timestamp_ns;x0;y0;x1;y1;...`, or another table of markers (csv_layout.h).
 struct CsvSourceOptions : RecordingOptions {
   double sigma_px = 0.5;  // one sigma of each coordinate of every centre, > 0
   // The kind of the centres; `rigcal-agent detect` writes sphere centres if it has the camera's
@@ -49,11 +50,11 @@ class CsvObservationSource : public PacedSource<ObservationSource, CsvSourceOpti
   std::vector<Refusal> Refused() const override { return refused_.List(); }
 
  private:
-  absl::Status CheckMarkerCount(int marker_count) const;
   void Refuse(RefusalReason reason, uint64_t line, const std::string& what);
   void AssignClockEpoch(uint64_t line, Observation* observation);
 
   std::optional<LineReader> reader_;
+  CsvLayout layout_;
   int marker_count_ = 0;
   bool has_content_ = false;  // a line that is not blank has been read
   ClockEpochCounter clock_epochs_;

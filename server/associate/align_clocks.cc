@@ -172,46 +172,26 @@ void MeasurePeriods(AlignedTrack* track) {
   }
 }
 
-// Index into `clean` of the epoch that stands for each (session, camera) without clock samples.
-std::set<size_t> LargestEpochs(const std::vector<CleanTrack>& clean) {
-  std::map<std::pair<std::string, std::string>, size_t> largest;
-  for (size_t i = 0; i < clean.size(); ++i) {
-    const auto [entry, inserted] =
-        largest.try_emplace({clean[i].session_id, clean[i].camera.camera}, i);
-    // Epochs come in ascending order, so that of equal ones the lowest stays.
-    if (!inserted && clean[i].observations.size() > clean[entry->second].observations.size()) {
-      entry->second = i;
-    }
-  }
-  std::set<size_t> chosen;
-  for (const auto& [key, index] : largest) chosen.insert(index);
-  return chosen;
-}
-
 }  // namespace
 
 std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
                                       std::vector<CleanTrack> clean, RefusalCounter* refused) {
   const std::map<ClockKey, Offset> offsets = OffsetsFromSamples(tracks);
-  const std::set<size_t> largest = LargestEpochs(clean);
   std::map<std::string, std::set<std::string>> timebases;  // by session
   for (const CleanTrack& track : clean) {
     timebases[track.session_id].insert(track.camera.clock.timebase);
   }
   std::vector<AlignedTrack> aligned;
-  for (size_t i = 0; i < clean.size(); ++i) {
-    CleanTrack& track = clean[i];
+  for (CleanTrack& track : clean) {
     const std::set<std::string>& bases = timebases[track.session_id];
     const bool has_timebase = bases.size() == 1 && !bases.begin()->empty();
     const auto found =
         offsets.find({track.session_id, track.camera.clock.clock_id, track.clock_epoch});
-    if (has_timebase ? !largest.contains(i) : found == offsets.end()) {
+    if (!has_timebase && found == offsets.end()) {
       refused->Add(
           track.camera.camera, RefusalReason::kClockEpochWithoutOffset, track.observations.size(),
           absl::StrCat("clock epoch ", track.clock_epoch, " of clock ", track.camera.clock.clock_id,
-                       has_timebase
-                           ? ": the clock jumped back"
-                           : ": no clock samples, and no time base that all cameras share"));
+                       ": no clock samples, and no time base that all cameras share"));
       continue;
     }
     const Offset offset = has_timebase ? Offset{} : found->second;

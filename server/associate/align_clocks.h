@@ -38,8 +38,8 @@ struct AlignedTrack {
 
 // Chooses for each camera and session the clock epochs that can be solved, and aligns them.
 //
-// Within a session whose clocks follow one time base, each camera's epoch with the most
-// observations keeps offset 0 (of equal ones the lowest). In any other session rig time is the
+// Within a session whose clocks follow one time base, every epoch keeps offset 0: StraightenClocks
+// has seen to it that they can. In any other session rig time is the
 // server's UTC: an epoch of a clock with samples gets the median of host UTC minus device time,
 // plus the host's own alignment with the server. Everything else is rejected and counted as
 // `clock_epoch_without_offset`. Clocks are identified by clock_id, so that cameras on one clock

@@ -15,6 +15,7 @@
 #include "common/status/status_macros.h"
 #include "server/associate/stamp_units.h"
 #include "server/associate/static_points.h"
+#include "server/associate/straight_clocks.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/derivation.h"
 #include "server/solve/evaluate/parameter_information.h"
@@ -28,6 +29,7 @@
 #include "server/solve/kept_frame.h"
 #include "server/solve/solve_and_report.h"
 #include "server/solve/spoiling_camera.h"
+#include "server/solve/unused_views.h"
 
 namespace rigcal::server {
 namespace {
@@ -75,6 +77,12 @@ void AddFindings(std::vector<Finding> findings, Solved* solved) {
     result.findings.push_back(std::move(finding));
   }
   result.quality = GradeQuality(result, solved->evaluated.predicted);
+}
+
+void NoteUnused(const std::map<std::string, CameraCounts>& counts, const RefusalCounter& refused,
+                Solved* solved) {
+  NoteUnusedViews(counts, refused.List(), &solved->result);
+  solved->result.quality = GradeQuality(solved->result, solved->evaluated.predicted);
 }
 
 // The same with the parent's poses as a prior.
@@ -187,7 +195,10 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   };
   progress(CalibrationStage::kAssociating, 0);
   const std::map<std::string, CameraCounts> counts = CountInput(input);
+  RIGCAL_RETURN_IF_ERROR(CheckReadRows(counts, input.refused));
   RIGCAL_RETURN_IF_ERROR(CheckCameras(counts, options));
+  RIGCAL_RETURN_IF_ERROR(CheckImageSizes(input.tracks));
+  const std::vector<Finding> of_stamps = FindingsOf(StraightenClocks(&input.tracks, refused));
   RIGCAL_RETURN_IF_ERROR(CheckStampUnits(input.tracks));
   RigObservations rig;
   rig.target = input.target;
@@ -215,6 +226,8 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     RIGCAL_RETURN_IF_ERROR(solved.status());
     RIGCAL_RETURN_IF_ERROR(Refine(rig, options, *input.parent, counts, *refused, &*solved));
     *refused = std::move(solved->refused);
+    AddFindings(of_stamps, &*solved);
+    NoteUnused(counts, *refused, &*solved);
     if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
     return Finish(rig, options, input.parent, &*solved);
   } else {
@@ -235,6 +248,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     }
   }
   RIGCAL_RETURN_IF_ERROR(solved.status());
+  AddFindings(of_stamps, &*solved);
   // Where a camera spoils the others, nothing is said about clocks and lenses.
   if (odd.kind == FindingKind::kUnspecified) {
     std::vector<Finding> chosen;
@@ -245,6 +259,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     AddFindings(std::move(chosen), &*solved);
   }
   *refused = std::move(solved->refused);
+  NoteUnused(counts, *refused, &*solved);
   if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
   return Finish(rig, options, input.parent, &*solved);
 }

@@ -14,6 +14,7 @@
 #include "common/triangulate/convention_check.h"
 #include "server/associate/align_clocks.h"
 #include "server/associate/clean_track.h"
+#include "server/associate/straight_clocks.h"
 #include "server/solve/kept_frame.h"
 #include "server/solve/observation_digest.h"
 
@@ -62,6 +63,7 @@ absl::StatusOr<TimedRows> RowsOf(CalibrationInput* input, RefusalCounter* refuse
     const auto other = input->other_targets.find(session);
     return (other == input->other_targets.end() ? input->target : other->second).marker_count();
   };
+  StraightenClocks(&input->tracks, refused);
   std::vector<AlignedTrack> tracks =
       AlignClocks(input->tracks, CleanTracks(&input->tracks, marker_count_of, refused), refused);
   std::erase_if(tracks, [&](const AlignedTrack& track) {

@@ -17,6 +17,10 @@ namespace {
 
 // Of the image's width; half of all views within this of one place determine nothing.
 constexpr double kMinSpreadShare = 0.01;
+constexpr double kMarginShare = 0.05;  // of the image, around it
+constexpr double kMostOutside = 0.05;
+constexpr double kLargestShare = 1.5;  // pixels: coordinates up to this are no pixels
+constexpr size_t kMinMarkers = 20;
 
 // The row's first visible marker, or, of a target whose marker 0 is enough, that one.
 size_t FirstVisible(const ObservationTable& rows, size_t row, bool any_marker) {
@@ -122,6 +126,87 @@ std::map<std::string, CameraCounts> CountInput(const CalibrationInput& input) {
     }
   }
   return counts;
+}
+
+bool IsUnread(RefusalReason reason) {
+  switch (reason) {
+    case RefusalReason::kCsvFieldCount:
+    case RefusalReason::kCsvBadTime:
+    case RefusalReason::kCsvNotANumber:
+    case RefusalReason::kCsvNotFinite:
+    case RefusalReason::kCsvHalfMarker:
+    case RefusalReason::kCsvLineTooLong:
+    case RefusalReason::kCsvEmpty:
+    case RefusalReason::kSourceFailed:
+    case RefusalReason::kImplausibleTime:
+      return true;
+    default:
+      return false;
+  }
+}
+
+absl::Status CheckReadRows(const std::map<std::string, CameraCounts>& counts,
+                           const std::vector<Refusal>& refused) {
+  std::map<std::string, std::pair<uint64_t, const Refusal*>> unread;
+  for (const Refusal& refusal : refused) {
+    if (!IsUnread(refusal.reason)) continue;
+    auto& [count, most] = unread[refusal.camera];
+    count += refusal.count;
+    if (most == nullptr || refusal.count > most->count) most = &refusal;
+  }
+  std::vector<std::string> faults;
+  for (const auto& [camera, lost] : unread) {
+    const auto& [count, most] = lost;
+    const auto known = counts.find(camera);
+    const uint32_t read = known == counts.end() ? 0 : known->second.observation_count;
+    if (count <= read || known == counts.end()) continue;
+    const bool is_source = most->reason == RefusalReason::kSourceFailed;
+    faults.push_back(is_source
+                         ? most->example
+                         : absl::StrCat("camera ", camera, ": ", count, " of its ", count + read,
+                                        " rows cannot be read: ", most->example));
+  }
+  if (faults.empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      faults.front(),
+      faults.size() > 1 ? absl::StrCat(" (and ", faults.size() - 1, " other cameras)") : ""));
+}
+
+absl::Status CheckImageSizes(const std::vector<CameraTrack>& tracks) {
+  for (const CameraTrack& track : tracks) {
+    const double width = track.camera.image_size_px.width;
+    const double height = track.camera.image_size_px.height;
+    size_t count = 0, outside = 0;
+    Eigen::Vector2d largest_px = Eigen::Vector2d::Zero();
+    for (const Observation& row : track.observations) {
+      for (const MarkerObservation& marker : row.markers) {
+        if (!marker.visible || !marker.centre_px.allFinite()) continue;
+        ++count;
+        largest_px = largest_px.cwiseMax(marker.centre_px);
+        // A sphere at the border may have its centre beside the image.
+        const Eigen::Vector2d margin_px = kMarginShare * Eigen::Vector2d(width, height);
+        const bool is_inside =
+            (marker.centre_px.array() >= -margin_px.array()).all() &&
+            (marker.centre_px.array() <= Eigen::Array2d(width, height) + margin_px.array()).all();
+        outside += is_inside ? 0 : 1;
+      }
+    }
+    if (count < kMinMarkers) continue;
+    const std::string name = absl::StrCat("camera ", track.camera.camera, ": ");
+    if (largest_px.maxCoeff() <= kLargestShare && std::min(width, height) > 50) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(name, "all its coordinates are from 0 to ", largest_px.maxCoeff(),
+                       ", as shares of the image: multiply x by its width and y by its height (",
+                       width, ", ", height, "), and give pixels"));
+    }
+    const double share = static_cast<double>(outside) / static_cast<double>(count);
+    if (share <= kMostOutside) continue;
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s%.0f %% of its markers lie outside of its image of %.0f x %.0f px, up to x %.0f and y "
+        "%.0f: its lens file is of another camera or another resolution, or its rows are",
+        name, 100 * share, width, height, largest_px.x(), largest_px.y()));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,

@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "common/calibration/calibration_options.h"
+#include "common/status/refusal.h"
 #include "server/solve/calibrate.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/rig/rig_observations.h"
@@ -20,6 +21,18 @@ absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptio
 
 // By camera, before anything is rejected.
 std::map<std::string, CameraCounts> CountInput(const CalibrationInput& input);
+
+// True: rows that were refused for it never came to the solve.
+bool IsUnread(RefusalReason reason);
+
+// FAILED_PRECONDITION: most rows of a camera were refused before the solve: the reason that refused
+// most of them, with its example.
+absl::Status CheckReadRows(const std::map<std::string, CameraCounts>& counts,
+                           const std::vector<Refusal>& refused);
+
+// INVALID_ARGUMENT: many markers of a camera lie outside of the image that its description states,
+// or all of them in its first pixels.
+absl::Status CheckImageSizes(const std::vector<CameraTrack>& tracks);
 
 // FAILED_PRECONDITION: fewer than two cameras, or one that never saw the wand. INVALID_ARGUMENT:
 // the options name a camera that there is not.

@@ -139,6 +139,17 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       return warning(absl::StrFormat(
           "the motion repeats itself every %.2f s, and clocks may be off by as much",
           finding.value));
+    case FindingKind::kStampsRepeat:
+      return warning(absl::StrFormat("%s: %.0f %% of its rows have the stamp of the row before",
+                                     who, finding.value));
+    case FindingKind::kBursts:
+      return warning(absl::StrCat(who, ": its rows are stamped in bursts"));
+    case FindingKind::kViewsNotUsed:
+      return {finding.severity, absl::StrFormat("%s: %.0f %% of its wand views are not used (see "
+                                                "findings)",
+                                                who, finding.value)};
+    case FindingKind::kClockSteps:
+    case FindingKind::kRowsOutOfOrder:
     case FindingKind::kFlippedLabels:
     case FindingKind::kEdgeCoverage:
     case FindingKind::kIntrinsicsKept:

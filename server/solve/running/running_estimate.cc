@@ -12,6 +12,7 @@
 #include "common/status/status_macros.h"
 #include "server/associate/align_clocks.h"
 #include "server/associate/clean_track.h"
+#include "server/associate/straight_clocks.h"
 #include "server/solve/evaluate/error_figures.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_observations.h"
@@ -140,6 +141,7 @@ absl::Status RunEstimate(RunningInput* input, RunningOutcome* outcome) {
   RefusalCounter refused;
   const int marker_count = input->target.marker_count();
   std::erase_if(input->tracks, [](const CameraTrack& track) { return !track.camera.intrinsics; });
+  StraightenClocks(&input->tracks, &refused);
   const std::vector<AlignedTrack> all =
       AlignClocks(input->tracks, CleanTracks(&input->tracks, marker_count, &refused), &refused);
   std::vector<ClockCorrection> clocks;

@@ -33,25 +33,15 @@ std::vector<AlignedTrack> Align(const std::vector<CameraTrack>& tracks, RefusalC
   return AlignClocks(tracks, CleanTracks(&rows, 1, refused), refused);
 }
 
-TEST(AlignClocks, KeepsTheLargestEpochOfACommonTimebase) {
+TEST(AlignClocks, KeepsEveryEpochOfACommonTimebase) {
   RefusalCounter refused;
   const auto aligned = Align({Track("a", "recording", {{10, 0}, {20, 0}, {30, 0}, {5, 1}, {15, 1}}),
                               Track("b", "recording", {{10, 0}})},
                              &refused);
-  ASSERT_EQ(aligned.size(), 2u);
-  EXPECT_EQ(aligned[0].track.clock_epoch, 0u);
-  EXPECT_EQ(aligned[0].clock_offset_ns, 0);
-  ASSERT_EQ(refused.List().size(), 1u);
-  EXPECT_EQ(refused.List()[0].reason, RefusalReason::kClockEpochWithoutOffset);
-  EXPECT_EQ(refused.List()[0].camera, "a");
-  EXPECT_EQ(refused.List()[0].count, 2u);
-}
-
-TEST(AlignClocks, KeepsTheLowestOfEqualEpochs) {
-  RefusalCounter refused;
-  const auto aligned = Align({Track("a", "ptp", {{10, 0}, {20, 0}, {5, 1}, {15, 1}})}, &refused);
-  ASSERT_EQ(aligned.size(), 1u);
-  EXPECT_EQ(aligned[0].track.clock_epoch, 0u);
+  ASSERT_EQ(aligned.size(), 3u);
+  EXPECT_EQ(aligned[1].track.clock_epoch, 1u);
+  for (const AlignedTrack& track : aligned) EXPECT_EQ(track.clock_offset_ns, 0);
+  EXPECT_TRUE(refused.empty());
 }
 
 TEST(AlignClocks, AlignsEveryEpochWithSamples) {

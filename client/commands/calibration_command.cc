@@ -214,7 +214,7 @@ std::string FormatErrorParts(const v1::GetAccuracyResponse& accuracy) {
 }
 
 std::string FormatAccuracy(const v1::GetAccuracyResponse& accuracy) {
-  std::string text = absl::StrCat("Expected error of triangulated points, one sigma\n",
+  std::string text = absl::StrCat("Parts of the error of triangulated points, one sigma\n",
                                   FormatErrorParts(accuracy));
   absl::StrAppend(&text, "In the frame of the reference camera, with centres good to ",
                   FormatFixed(accuracy.sigma_px(), 2), " px\n");

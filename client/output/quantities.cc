@@ -55,4 +55,19 @@ std::string EnumWord(const google::protobuf::EnumDescriptor& type, int value) {
 
 double DegreesFromRadians(double radians) { return radians * 180 / std::numbers::pi; }
 
+std::string FormatPointError(double point_error_m, double scale_sigma_rel) {
+  return absl::StrCat(
+      FormatFixed(1000 * point_error_m, 2), " mm",
+      scale_sigma_rel > 0
+          ? absl::StrCat(" + ", FormatFixed(100 * scale_sigma_rel, 2), " % of every length")
+          : "");
+}
+
+std::string FormatScaleAdvice(double scale_sigma_rel, double wand_length_m) {
+  if (!(scale_sigma_rel > kScaleWorthMeasuring) || !(wand_length_m > 0)) return "";
+  return absl::StrCat("measure the wand to ",
+                      FormatFixed(1000 * kScaleWorthMeasuring * wand_length_m, 1),
+                      " mm for a better scale");
+}
+
 }  // namespace rigcal::client

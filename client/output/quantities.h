@@ -31,4 +31,10 @@ std::string EnumWord(Enum value) {
 
 double DegreesFromRadians(double radians);
 
+// The headline of a calibration and of a running estimate: "0.29 mm + 0.69 % of every length".
+std::string FormatPointError(double point_error_m, double scale_sigma_rel);
+// "measure the wand to 0.2 mm for a better scale"; empty: the scale is good, or no wand has
+// lengths.
+std::string FormatScaleAdvice(double scale_sigma_rel, double wand_length_m);
+
 }  // namespace rigcal::client

@@ -176,13 +176,6 @@ std::string FormatFindings(const v1::Calibration& calibration) {
     }
     text = "\nFindings\n" + table.Format(2);
   }
-  const v1::Quality& quality = calibration.quality();
-  if (quality.grade() != v1::Quality::GRADE_UNSPECIFIED) {
-    absl::StrAppend(&text, "\nQuality: ", GradeName(quality.grade()), "\n");
-    for (const std::string& reason : quality.reasons()) {
-      absl::StrAppend(&text, "  ", Printable(reason), "\n");
-    }
-  }
   return text;
 }
 
@@ -194,17 +187,17 @@ std::string FormatCameraResiduals(const v1::Calibration& calibration) {
   TextTable table;
   table.Words({"camera"})
       .Numbers({"observations", "markers", "outliers"})
-      .Numbers({"mean", "rms", "median", "p95"}, "reprojection error (px)")
-      .Numbers({"mean", "rms"}, "of inliers (px)");
+      .Numbers({"mean", "rms"}, "of the markers used (px)")
+      .Numbers({"mean", "rms", "median", "p95"}, "with outliers (px)");
   for (const v1::CalibratedCamera& camera : calibration.cameras()) {
     const v1::Residuals& residuals = camera.residuals();
     const auto& all = residuals.all();
     const auto& inlier = residuals.inlier();
     table.AddRow({camera.camera(), residuals.observation_count(), all.marker_count(),
-                  residuals.outlier_count(), FormatFixed(all.mean_px(), 3),
+                  residuals.outlier_count(), FormatFixed(inlier.mean_px(), 3),
+                  FormatFixed(inlier.rms_px(), 3), FormatFixed(all.mean_px(), 3),
                   FormatFixed(all.rms_px(), 3), FormatFixed(all.median_px(), 3),
-                  FormatFixed(all.p95_px(), 3), FormatFixed(inlier.mean_px(), 3),
-                  FormatFixed(inlier.rms_px(), 3)});
+                  FormatFixed(all.p95_px(), 3)});
   }
   return table.Format(2);
 }
@@ -321,9 +314,25 @@ std::string FormatHead(const v1::Calibration& calibration) {
       "\n"));
 }
 
+// The grade, the figures beside it, and why it is no better.
+std::string FormatHeadline(const v1::Calibration& calibration) {
+  std::string text;
+  const v1::Quality& quality = calibration.quality();
+  if (quality.grade() != v1::Quality::GRADE_UNSPECIFIED) {
+    absl::StrAppend(&text, "\nQuality: ", GradeName(quality.grade()), "\n");
+    for (const std::string& reason : quality.reasons()) {
+      absl::StrAppend(&text, "  ", Printable(reason), "\n");
+    }
+  }
+  if (const std::string figures = FormatHeadlineFigures(calibration); !figures.empty()) {
+    absl::StrAppend(&text, "\n", figures);
+  }
+  return text;
+}
+
 std::string FormatResult(const v1::Calibration& calibration) {
   return absl::StrCat(
-      "\nResiduals over the instants used, outliers included\n", FormatCameraResiduals(calibration),
+      "\nReprojection errors over the instants used\n", FormatCameraResiduals(calibration),
       "\nCameras in the rig frame",
       calibration.reference_camera().empty()
           ? std::string(" (below)")
@@ -344,6 +353,25 @@ std::string StateWords(const v1::Calibration& calibration) {
 }
 
 }  // namespace
+
+std::string FormatHeadlineFigures(const v1::Calibration& calibration) {
+  if (!calibration.has_headline()) return "";
+  const v1::Headline& headline = calibration.headline();
+  const v1::CalibratedTarget& target = calibration.target();
+  std::string text;
+  if (headline.point_error_m() > 0) {
+    const int count = target.marker_positions_m_size();
+    const std::string advice = FormatScaleAdvice(
+        target.scale_sigma_rel(), count > 0 ? target.marker_positions_m(count - 1) : 0);
+    absl::StrAppend(&text, "expected error     ",
+                    FormatPointError(headline.point_error_m(), target.scale_sigma_rel()),
+                    " (95 % of the waved places", advice.empty() ? "" : "; ", advice, ")\n");
+  }
+  absl::StrAppend(&text, "reprojection error ", FormatFixed(headline.used_mean_px(), 3),
+                  " px, mean of the markers used; ", FormatFixed(100 * headline.unused_share(), 1),
+                  " % of the wand views not used\n");
+  return text;
+}
 
 std::string FormatCalibrationProgress(const v1::Calibration& calibration) {
   if (calibration.state() != v1::Calibration::STATE_RUNNING) {
@@ -388,7 +416,7 @@ std::string FormatCalibration(const v1::Calibration& calibration) {
   } else if (calibration.state() == v1::Calibration::STATE_RUNNING) {
     absl::StrAppend(&text, FormatCalibrationProgress(calibration), "\n");
   } else if (calibration.state() == v1::Calibration::STATE_SUCCEEDED) {
-    text += FormatResult(calibration);
+    absl::StrAppend(&text, FormatHeadline(calibration), FormatResult(calibration));
   }
   if (const double solve_s = wire::SecondsOf(calibration.run().solve_duration()); solve_s > 0) {
     absl::StrAppend(&text, "time taken         ", FormatDuration(solve_s), "\n");

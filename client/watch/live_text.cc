@@ -52,7 +52,8 @@ bool HasFigure(const v1::LiveState& live) {
 
 std::string FigureText(const v1::LiveState& live) {
   if (!HasFigure(live)) return "- mm";
-  return absl::StrCat(FormatFixed(live.estimate().volume().p95_mm(), 2), " mm",
+  const v1::LiveVolume& volume = live.estimate().volume();
+  return absl::StrCat(FormatPointError(1e-3 * volume.p95_mm(), volume.scale_sigma_rel()),
                       live.estimate().scale_known() ? "" : " (scale not known)");
 }
 
@@ -219,14 +220,7 @@ std::vector<std::string> FormatLiveScreen(const v1::LiveState& live,
     screen.Add(absl::StrCat("OLD DATA: ", FormatFixed(options.age_s, 0), " s old"), kRed);
   }
   screen.Add("");
-  screen.Add(
-      absl::StrCat(
-          "    expected error  ", FigureText(live),
-          HasFigure(live)
-              ? absl::StrCat("   (median ", FormatFixed(live.estimate().volume().median_mm(), 2),
-                             ", worst ", FormatFixed(live.estimate().volume().worst_mm(), 2), ")")
-              : ""),
-      kBold);
+  screen.Add(absl::StrCat("    expected error  ", FigureText(live)), kBold);
   if (const std::string goal = GoalText(live); !goal.empty()) {
     screen.Add(absl::StrCat("    ", goal));
   }

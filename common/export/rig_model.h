@@ -33,7 +33,7 @@ struct ExportedCamera {
   double time_epoch_s = 0;
   ClockCourseLine clock_course;  // to be added; not empty where the clock jumped or drifted
   double line_delay_s = 0;       // rolling shutter, from one row to the next; 0: none is known
-  double mean_error_px = 0;      // reprojection error
+  double mean_error_px = 0;      // reprojection error of the markers used
   std::optional<ExportedSigma> sigma;
 
   // The coefficients of the model, zeros where the intrinsics have none.

@@ -246,6 +246,11 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   proto->set_observation_digest(result.observation_digest);
   proto->mutable_quality()->set_grade(static_cast<v1::Quality::Grade>(result.quality.grade));
   Copy(result.quality.reasons, proto->mutable_quality()->mutable_reasons());
+  if (result.headline) {
+    proto->mutable_headline()->set_point_error_m(result.headline->point_error_m);
+    proto->mutable_headline()->set_used_mean_px(result.headline->used_mean_px);
+    proto->mutable_headline()->set_unused_share(result.headline->unused_share);
+  }
   proto->mutable_quality()->set_predicted_error_m(result.quality.predicted_error_m);
   proto->mutable_quality()->set_accepted_error_m(result.quality.accepted_error_m);
   proto->mutable_run()->set_iteration_count(result.iteration_count);
@@ -287,6 +292,11 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
     result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
   }
   Copy(proto.quality().reasons(), &result.quality.reasons);
+  if (proto.has_headline()) {
+    result.headline = {.point_error_m = proto.headline().point_error_m(),
+                       .used_mean_px = proto.headline().used_mean_px(),
+                       .unused_share = proto.headline().unused_share()};
+  }
   result.quality.predicted_error_m = proto.quality().predicted_error_m();
   result.quality.accepted_error_m = proto.quality().accepted_error_m();
   result.iteration_count = proto.run().iteration_count();

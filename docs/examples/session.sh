@@ -28,4 +28,4 @@ await "/v1/sessions/$session" STATE_FINISHED | field state
 calibration=$(call POST /v1/calibrations "{\"session_ids\": [\"$session\"]}" | field id)
 answer=$(await "/v1/calibrations/$calibration" 'STATE_SUCCEEDED|STATE_FAILED')
 echo "calibration $calibration: $(field state <<<"$answer") $(field error <<<"$answer" || true)"
-grep -o '"camera":"[^"]*","image_size_px\|"all":{[^}]*}' <<<"$answer" # each camera with its residuals
+grep -o '"grade":"[^"]*"\|"headline":{[^}]*}' <<<"$answer" # how good it is

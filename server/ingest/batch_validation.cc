@@ -103,9 +103,8 @@ RowFault CheckMarker(const ObservationBatch& batch, size_t i, const Limits& limi
 RowFault CheckRow(const ObservationBatch& batch, size_t row, int64_t previous_ns,
                   const Limits& limits) {
   const int64_t time_ns = batch.time_ns[row];
-  if (time_ns < 0 || time_ns > kMaxTimeNs) {
-    return Fault("time_ns", row, RefusalReason::kImplausibleTime,
-                 "the time is negative or beyond 2^62 ns");
+  if (time_ns < -kMaxTimeNs || time_ns > kMaxTimeNs) {
+    return Fault("time_ns", row, RefusalReason::kImplausibleTime, "the time is beyond 2^62 ns");
   }
   if (time_ns < previous_ns) {
     return Fault("time_ns", row, RefusalReason::kTimeNotIncreasing,

@@ -25,6 +25,7 @@
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/followed_clocks.h"
 #include "server/solve/frame_derivation.h"
+#include "server/solve/headline.h"
 #include "server/solve/input_checks.h"
 #include "server/solve/kept_frame.h"
 #include "server/solve/solve_and_report.h"
@@ -79,10 +80,13 @@ void AddFindings(std::vector<Finding> findings, Solved* solved) {
   result.quality = GradeQuality(result, solved->evaluated.predicted);
 }
 
-void NoteUnused(const std::map<std::string, CameraCounts>& counts, const RefusalCounter& refused,
-                Solved* solved) {
+// What is known only once everything that was left out is.
+void NoteUnused(const RigObservations& rig, const std::map<std::string, CameraCounts>& counts,
+                const RefusalCounter& refused, Solved* solved) {
   NoteUnusedViews(counts, refused.List(), &solved->result);
   solved->result.quality = GradeQuality(solved->result, solved->evaluated.predicted);
+  solved->result.headline =
+      MakeHeadline(rig, solved->evaluated, counts, refused.List(), solved->result);
 }
 
 // The same with the parent's poses as a prior.
@@ -227,7 +231,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     RIGCAL_RETURN_IF_ERROR(Refine(rig, options, *input.parent, counts, *refused, &*solved));
     *refused = std::move(solved->refused);
     AddFindings(of_stamps, &*solved);
-    NoteUnused(counts, *refused, &*solved);
+    NoteUnused(rig, counts, *refused, &*solved);
     if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
     return Finish(rig, options, input.parent, &*solved);
   } else {
@@ -259,7 +263,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     AddFindings(std::move(chosen), &*solved);
   }
   *refused = std::move(solved->refused);
-  NoteUnused(counts, *refused, &*solved);
+  NoteUnused(rig, counts, *refused, &*solved);
   if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
   return Finish(rig, options, input.parent, &*solved);
 }

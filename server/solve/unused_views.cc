@@ -54,34 +54,43 @@ const char* UnitOf(StampFault::Kind kind) {
 
 }  // namespace
 
+std::vector<UnusedViews> CountUnusedViews(const std::map<std::string, CameraCounts>& counts,
+                                          const std::vector<Refusal>& refused) {
+  std::vector<UnusedViews> all;
+  for (const auto& [name, count] : counts) {
+    UnusedViews views{.camera = name, .all = count.wand_count};
+    for (const Refusal& refusal : refused) {
+      if (refusal.camera != name || !LosesViews(refusal.reason)) continue;
+      views.lost += refusal.count;
+      // What an agent or the server could not read is not among the rows of the input.
+      if (IsUnread(refusal.reason)) views.all += refusal.count;
+      if (views.most == nullptr || refusal.count > views.most->count) views.most = &refusal;
+    }
+    views.lost = std::min(views.lost, views.all);
+    all.push_back(views);
+  }
+  return all;
+}
+
 void NoteUnusedViews(const std::map<std::string, CameraCounts>& counts,
                      const std::vector<Refusal>& refused, CalibrationResult* result) {
-  for (const CalibratedCamera& camera : result->cameras) {
-    const auto count = counts.find(camera.camera);
-    if (count == counts.end()) continue;
-    const Refusal* most = nullptr;
-    uint64_t lost = 0, unread = 0;
-    for (const Refusal& refusal : refused) {
-      if (refusal.camera != camera.camera || !LosesViews(refusal.reason)) continue;
-      lost += refusal.count;
-      // What an agent or the server could not read is not among the rows of the input.
-      if (IsUnread(refusal.reason)) unread += refusal.count;
-      if (most == nullptr || refusal.count > most->count) most = &refusal;
-    }
-    const uint64_t all = count->second.wand_count + unread;
-    if (most == nullptr || all == 0) continue;
-    const double share = std::min(1.0, static_cast<double>(lost) / static_cast<double>(all));
+  for (const UnusedViews& views : CountUnusedViews(counts, refused)) {
+    // A camera that was left out has a finding of its own.
+    if (std::ranges::count(result->cameras, views.camera, &CalibratedCamera::camera) == 0) continue;
+    if (views.most == nullptr || views.all == 0) continue;
+    const double share = static_cast<double>(views.lost) / static_cast<double>(views.all);
     if (share <= kGoodWithoutViews) continue;
     Finding& finding = result->findings.emplace_back();
     finding.kind = FindingKind::kViewsNotUsed;
-    finding.camera = camera.camera;
+    finding.camera = views.camera;
     finding.value = 100 * share;
     finding.unit = "%";
     finding.severity =
         share > kUsableWithoutViews ? FindingSeverity::kError : FindingSeverity::kWarning;
-    finding.advice = absl::StrCat(lost, " of its ", all, " wand views are not used, ", most->count,
-                                  " of them as ", std::string(NameOf(most->reason)),
-                                  most->example.empty() ? "" : absl::StrCat(": ", most->example));
+    finding.advice =
+        absl::StrCat(views.lost, " of its ", views.all, " wand views are not used, ",
+                     views.most->count, " of them as ", std::string(NameOf(views.most->reason)),
+                     views.most->example.empty() ? "" : absl::StrCat(": ", views.most->example));
   }
 }
 

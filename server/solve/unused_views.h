@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
@@ -14,6 +15,15 @@ namespace rigcal::server {
 
 // Shares of a camera's wand views that a good and a usable calibration may leave unused.
 inline constexpr double kGoodWithoutViews = 0.1, kUsableWithoutViews = 0.4;
+
+// Of one camera.
+struct UnusedViews {
+  std::string camera;
+  uint64_t lost = 0, all = 0;
+  const Refusal* most = nullptr;  // the reason that cost most; into the list that was given
+};
+std::vector<UnusedViews> CountUnusedViews(const std::map<std::string, CameraCounts>& counts,
+                                          const std::vector<Refusal>& refused);
 
 // Adds `views_not_used` for each camera of the result of whose wand views more than a tenth are not
 // used, with the reason that cost most. Not counted are rows that are delivered twice, and rows

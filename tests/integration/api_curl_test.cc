@@ -28,7 +28,7 @@ TEST_F(ApiCurl, TheExampleCalibratesASession) {
       RunCommand({"/bin/bash", (Examples() / "session.sh").string(), url(), "3"});
   EXPECT_EQ(result.exit_code, 0) << result.output << result.error;
   EXPECT_THAT(result.output, AllOf(HasSubstr("STATE_CAPTURING"), HasSubstr("STATE_FINISHED"),
-                                   HasSubstr("STATE_SUCCEEDED"), HasSubstr("rms_px")));
+                                   HasSubstr("STATE_SUCCEEDED"), HasSubstr("used_mean_px")));
   // Somebody else may look at it by gRPC.
   const auto session = ServerClient(server_->address()).GetSession("s-000001");
   ASSERT_TRUE(session.ok()) << session.status();

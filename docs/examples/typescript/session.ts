@@ -6,12 +6,13 @@ import { loadSync } from '@grpc/proto-loader';
 import { setTimeout as sleep } from 'node:timers/promises';
 
 interface Session { id: string; state: string }
-interface Residuals { all: { mean_px: number; rms_px: number } }
+interface Headline { point_error_m: number; used_mean_px: number; unused_share: number }
 interface Calibration {
   id: string;
   state: string;
   error: string;
-  cameras: { camera: string; residuals: Residuals }[];
+  quality: { grade: string };
+  headline: Headline | null;
 }
 /** A call of the API: a request to its answer. */
 type Call = (request: object) => Promise<{ session: Session; calibration: Calibration }>;
@@ -47,7 +48,9 @@ while (!['STATE_SUCCEEDED', 'STATE_FAILED'].includes(calibration.state)) {
   ({ calibration } = await calibrations('GetCalibration')({ id: calibration.id }));
 }
 console.log(`calibration ${calibration.id}: ${calibration.state} ${calibration.error}`);
-for (const { camera, residuals } of calibration.cameras) {
-  console.log(`${camera}: ${residuals.all.rms_px.toFixed(3)} px RMS`);
+if (calibration.headline) {
+  const { point_error_m, used_mean_px, unused_share } = calibration.headline;
+  console.log(`${calibration.quality.grade}: expected error ${(1e3 * point_error_m).toFixed(2)} mm, ` +
+    `${used_mean_px.toFixed(3)} px, ${(100 * unused_share).toFixed(1)} % of the wand views not used`);
 }
 process.exit(calibration.state === 'STATE_SUCCEEDED' ? 0 : 1);

@@ -213,7 +213,8 @@ TEST_F(IngestTest, NeverHoldsMuchMoreThanItsLimit) {
 TEST_F(IngestTest, ReportsRefusedRowsInTheAcknowledgementAndKeepsTheRest) {
   ingest_->Start();
   Delivery delivery = MakeDelivery(KeyOf("a"), 1, 40);
-  for (size_t row = 10; row < 30; ++row) delivery.batch.time_ns[row] = -1;
+  for (size_t row = 10; row < 30; ++row)
+    delivery.batch.time_ns[row] = std::numeric_limits<int64_t>::min();
   ASSERT_THAT(Submit(delivery), IsOk());
   ingest_->WaitIdle();
   ASSERT_THAT(answers(), ElementsAre(IsOk()));
@@ -226,7 +227,7 @@ TEST_F(IngestTest, ReportsRefusedRowsInTheAcknowledgementAndKeepsTheRest) {
                 .seq = 11, .field = "time_ns[10]", .reason = RefusalReason::kImplausibleTime}));
   ASSERT_EQ(store_.deliveries().size(), 1u);
   EXPECT_EQ(store_.deliveries()[0].refused_rows.size(), 20u);
-  EXPECT_EQ(store_.deliveries()[0].batch.time_ns[10], -1);
+  EXPECT_EQ(store_.deliveries()[0].batch.time_ns[10], std::numeric_limits<int64_t>::min());
   EXPECT_EQ(ingest_->Stats().refused_observation_count, 20u);
   EXPECT_EQ(ingest_->Stats().stored_observation_count, 20u);
 }

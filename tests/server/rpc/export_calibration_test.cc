@@ -181,11 +181,12 @@ TEST_F(ExportCalibration, UndistortedIsAPinholeThatEveryFormatHolds) {
         const auto listed,
         Ask<v1::ListExportsResponse>(&v1::CalibrationService::Stub::ListExports, request));
     for (const v1::ExportFormat& format : listed.formats()) {
-      if (format.name() == "blender") EXPECT_EQ(format.problem().empty(), undistorted);
+      if (format.name() != "blender") continue;
+      EXPECT_EQ(format.problem().empty(), undistorted);
     }
   }
   EXPECT_THAT(Export(id, "blender"),
-              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("distortion")));
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("distortion")));
   ASSERT_OK_AND_ASSIGN(const auto file, Export(id, "blender", true));
   EXPECT_EQ(file.file_name(), id + "-blender-undistorted.py");
   ASSERT_OK_AND_ASSIGN(const auto json, Export(id, "json", true));

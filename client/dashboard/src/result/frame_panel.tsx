@@ -18,12 +18,16 @@ const sources: Record<string, string> = {
   FRAME_SOURCE_DOWN: 'z up, against a given direction', FRAME_SOURCE_TRANSFORM: 'as given', FRAME_SOURCE_KEPT: 'that of an earlier calibration, kept',
 };
 
-/** Where the frame of a calibration comes from, in words. */
+/** Which frame a calibration is in, in a few words. */
+export function frameName(calibration: Calibration): string {
+  return sources[calibration.frame?.source ?? ''] ?? `that of ${calibration.reference_camera ?? ''}`;
+}
+
+/** Where the frame of a calibration comes from, with its figures. */
 export function frameText(calibration: Calibration): string {
   const frame: CalibrationFrame | undefined = calibration.frame;
-  const known = sources[frame?.source ?? ''];
-  if (!frame || !known) return frame?.problem ? `that of ${calibration.reference_camera}: ${frame.problem}` : `that of ${calibration.reference_camera ?? ''}`;
-  return [known, frame.calibration_id ? `from ${frame.calibration_id}` : '',
+  if (!frame || !sources[frame.source ?? '']) return [frameName(calibration), frame?.problem ?? ''].filter(Boolean).join(': ');
+  return [frameName(calibration), frame.calibration_id ? `from ${frame.calibration_id}` : '',
     frame.residual_rms_m ? `residuals ${millimetres(frame.residual_rms_m * 1e3)} mm rms` : '',
     frame.lowest_camera ? `lowest camera ${frame.lowest_camera} at ${fixed(frame.lowest_camera_m ?? 0, 2)} m` : ''].filter(Boolean).join(', ');
 }

@@ -15,7 +15,7 @@ import { Activate, ActiveHistory } from './activate';
 import { ResidualChart, TimeOffsetChart } from './charts';
 import { compareCalibrations } from './compare';
 import { Downloads } from './downloads';
-import { frameText, FramePanel } from './frame_panel';
+import { frameName, FramePanel } from './frame_panel';
 import { calibrationMark, gradeOf } from './grade';
 import { ResidualVectors } from './residual_panel';
 
@@ -107,7 +107,7 @@ function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
         <Fact name="length error RMS">{calibration.target?.length_error_rms_m ? `${millimetres(calibration.target.length_error_rms_m * 1e3)} ${unit}` : missing}</Fact>
         <Fact name="instants">{count(calibration.instant_count)}</Fact>
         <Fact name="cameras">{cameras.length}</Fact>
-        <Fact name="frame">{frameText(calibration)}</Fact>
+        <Fact name="frame">{frameName(calibration)}</Fact>
         <Fact name="sessions">{(calibration.session_ids ?? []).join(', ')}</Fact>
         <Fact name="solved in">{fixed(durationSeconds(calibration.run?.solve_duration), 1)} s</Fact>
         <Fact name="made">{dateTime(timeMs(calibration.run?.end_time))}</Fact>

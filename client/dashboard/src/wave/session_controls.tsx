@@ -120,6 +120,7 @@ function StartForm({ rig, stale, onStarted }: { rig: RigState; stale: boolean; o
     onStarted();
   };
   return <div class="start">
+    {usable.length === 0 && !stale && <NoCameras />}
     <div class="fields">
       <TargetForm fields={fields} onChange={setFields} disabled={goOn} invalid={!parsed.target}
         eventCameras={chosen.filter((name) => sensors.get(name) === 'SENSOR_EVENT')} />
@@ -144,8 +145,7 @@ function StartForm({ rig, stale, onStarted }: { rig: RigState; stale: boolean; o
           setWithout(next);
         }} /> {name}</label>)}</div></details>}
     <div id="target-problem"><Problem text={goOn ? '' : parsed.problem} /></div>
-    {usable.length > 0 ? <WorkButton kind="primary" work={start} disabled={stale || !parsed.target || chosen.length === 0}>Start capture</WorkButton>
-      : !stale && <NoCameras />}
+    {usable.length > 0 && <WorkButton kind="primary" work={start} disabled={stale || !parsed.target || chosen.length === 0}>Start capture</WorkButton>}
     {usable.length > 0 && chosen.length === 0 && <p class="hint">No camera is chosen.</p>}
   </div>;
 }

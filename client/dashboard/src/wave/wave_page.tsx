@@ -47,7 +47,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
   const needs = estimate?.needs ?? [];
   const age = timeMs(rig.time) !== undefined && timeMs(estimate?.time) !== undefined
     ? (timeMs(rig.time)! - timeMs(estimate?.time)!) / 1000 : undefined;
-  return <div class={`wave${rig.cameras.length <= fewCameras ? ' few' : ''}${stale ? ' stale' : ''}`}>
+  return <div class={`wave${rig.cameras.length <= fewCameras ? ' few' : ''}${stale ? ' stale' : ''}${rig.session ? '' : ' idle'}`}>
     <Panel name="figure" title="Expected error" aside={<a class="button" href={hashOf('distance')}>Distance mode</a>}>
       <div class={`big stage-${progress.stage}`} style={progress.nowMm === undefined || stale ? undefined
         : { borderColor: rgbText(qualityRgb(progress.quality)) }}>

@@ -118,7 +118,7 @@ function Recording({ calibration, session, onSession, what }: {
 
 const explained: Record<Way, string> = {
   floor: 'Lay the wand down at three places well apart, each time in another direction, and let it lie for two seconds. The origin is below its first marker at the first place, x along the wand there.',
-  points: 'Lines: label x y z sigma, in metres. Marker m of the recording is line m. Let the target rest for two seconds.',
+  points: 'Lines: label x y z sigma, in metres. Marker m of the recording is line m, or the line with its label; let the target rest for two seconds. Without a recording they are static points of this calibration.',
   path: 'Move the wand in one plane, such as on a table. The plane becomes z = 0, with the cameras above it.',
   down: 'Three numbers in the present frame: the direction in which things fall. The origin stays.',
   transform: 'new_from_rig: X, Y, Z in metres, then the quaternion QW, QX, QY, QZ.',
@@ -149,9 +149,9 @@ export function FramePanel({ calibration }: { calibration: Calibration }): JSX.E
         {(way === 'down' || way === 'transform') && <label class="wide">Numbers<input value={numbers} spellcheck={false}
           placeholder={way === 'down' ? '0, 1, 0' : '0, 0, 0, 1, 0, 0, 0'} onInput={(event) => setNumbers(event.currentTarget.value)} /></label>}
       </div>
-      <div class="buttons"><WorkButton kind="primary" disabled={stale || (rows && (session === '' || waits))} work={async () => {
+      <div class="buttons"><WorkButton kind="primary" disabled={stale || (rows && (waits || (session === '' && way !== 'points')))} work={async () => {
         const origin = originOptions(way, { height, points, numbers });
-        const made = await createCalibration(rows ? [session] : [], { kind: 'KIND_ORIGIN', parent_id: calibration.id, origin });
+        const made = await createCalibration(rows && session !== '' ? [session] : [], { kind: 'KIND_ORIGIN', parent_id: calibration.id, origin });
         location.hash = hashOf('result', made.id);
       }}>{way === 'floor' ? 'Set floor' : 'Set origin'}</WorkButton>
       <span class="hint">Makes a new calibration; this one stays as it is.</span></div>

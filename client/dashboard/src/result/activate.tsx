@@ -6,6 +6,7 @@ import { timeMs } from '../api/json_values';
 import { activateCalibration, ApiError, errorText, listActivations, rollbackRig } from '../api/server_api';
 import type { Activation, Calibration } from '../api/types';
 import { Chip, Panel, Problem, WorkButton } from '../shell/parts';
+import { useFeed } from '../shell/feed_context';
 import { hashOf } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
 import { dateTime } from '../view/format';
@@ -47,14 +48,15 @@ export function Activate({ calibration, disabled, onChange }: {
   calibration: Calibration; disabled?: boolean; onChange?: () => void;
 }): JSX.Element | null {
   const rig = calibration.rig ?? '';
+  const { stale } = useFeed();
   const history = useLoaded(`active ${rig}`, (signal) => historyOf(rig, signal), 5000);
   if (calibration.state !== 'STATE_SUCCEEDED') return null;
   if (calibration.options?.what_if) return <p class="hint">A what-if: it can never become active.</p>;
   const active = history.value?.[0];
   if (active?.calibration_id === calibration.id) {
-    return <p class="active"><Chip mark="good">Active since {dateTime(timeMs(active?.time))}</Chip></p>;
+    return <p class="active"><Chip mark={stale ? 'idle' : 'good'}>{stale ? 'Was active' : 'Active'} since {dateTime(timeMs(active?.time))}</Chip></p>;
   }
-  return <Overrulable kind="primary" disabled={disabled} verb="Activate" anyway="Activate it nevertheless" work={async (force) => {
+  return <Overrulable kind="primary" disabled={disabled || stale} verb="Activate" anyway="Activate it nevertheless" work={async (force) => {
     await activateCalibration(calibration.id ?? '', '', force);
     history.reload();
     onChange?.();
@@ -63,6 +65,7 @@ export function Activate({ calibration, disabled, onChange }: {
 
 /** What was active when, by whom and why; and back to the one before. */
 export function ActiveHistory({ rig, turn, onChange }: { rig: string; turn: number; onChange: () => void }): JSX.Element {
+  const { stale } = useFeed();
   const loaded = useLoaded(`history ${rig} ${turn}`, (signal) => historyOf(rig, signal), 10000);
   const history = loaded.value ?? [];
   const before = history[0]?.previous_calibration_id ?? '';
@@ -73,10 +76,10 @@ export function ActiveHistory({ rig, turn, onChange }: { rig: string; turn: numb
       <thead><tr><th scope="col">calibration</th><th scope="col">since</th><th scope="col">by</th><th scope="col">why</th></tr></thead>
       <tbody>{history.slice(0, 50).map((one, i) => <tr key={one.number}>
         <th scope="row"><a href={hashOf('result', one.calibration_id)}>{one.calibration_id}</a></th>
-        <td>{dateTime(timeMs(one.time))}{i === 0 && <> <Chip mark="good">active</Chip></>}</td><td>{who(one)}</td>
+        <td>{dateTime(timeMs(one.time))}{i === 0 && <> <Chip mark={stale ? 'idle' : 'good'}>active</Chip></>}</td><td>{who(one)}</td>
         <td class="words">{[one.rollback ? 'rolled back' : '', one.forced ? '▲ against the refusal' : '', one.reason].filter(Boolean).join(', ')}</td></tr>)}</tbody>
     </table></div>}
-    {before !== '' && <div class="buttons"><Overrulable verb={`Roll back to ${before}`} anyway={`Roll back to ${before} nevertheless`} work={async (force) => {
+    {before !== '' && <div class="buttons"><Overrulable disabled={stale} verb={`Roll back to ${before}`} anyway={`Roll back to ${before} nevertheless`} work={async (force) => {
       await rollbackRig(rig, '', force);
       loaded.reload();
       onChange();

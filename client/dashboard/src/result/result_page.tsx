@@ -2,7 +2,7 @@
 import type { ComponentChildren, JSX } from 'preact';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import { durationSeconds, timeMs } from '../api/json_values';
-import { cancelCalibration, getAccuracy, getCalibration, getSession, listCalibrations, listRigs } from '../api/server_api';
+import { cancelCalibration, getAccuracy, getCalibration, listCalibrations, listRigs } from '../api/server_api';
 import type { CalibratedCamera, Calibration, Finding } from '../api/types';
 import { SceneView } from '../scene/scene_view';
 import { Chip, Fact, type Mark, Meter, Panel, Problem, WorkButton } from '../shell/parts';
@@ -16,6 +16,7 @@ import { ResidualChart, TimeOffsetChart } from './charts';
 import { compareCalibrations } from './compare';
 import { Downloads } from './downloads';
 import { frameName, FramePanel } from './frame_panel';
+import { goalOf } from './goal';
 import { calibrationMark, gradeOf } from './grade';
 import { ResidualVectors } from './residual_panel';
 
@@ -87,9 +88,7 @@ function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
   const model = useMemo(() => modelOfCalibration(calibration, accuracy.value), [calibration, accuracy.value]);
   const cameras = calibration.cameras ?? [];
   const [mark, words] = gradeOf(calibration);
-  // Colours are those of the Wave page: its goal is that of the session.
-  const session = calibration.session_ids?.[0] ?? '';
-  const goal = useLoaded(`goal of ${session}`, async (signal) => (session === '' ? undefined : (await getSession(session, signal)).goal?.until_mm));
+  const goal = useLoaded(`goal of ${id}`, (signal) => goalOf(calibration, signal));
   const shape = accuracy.value?.shape;
   const unit = calibration.scale_known ? 'mm' : 'of an unknown scale';
   return <>
@@ -114,10 +113,8 @@ function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
       </dl>
       {accuracy.problem !== '' && <p class="hint">Expected errors: {accuracy.problem}</p>}
       <div class="buttons use"><Activate key={turn} calibration={calibration} onChange={onActive} />
-        <a class="button" href="#downloads" onClick={(event) => {
-          event.preventDefault();
-          document.querySelector('.panel.downloads')?.scrollIntoView();
-        }}>Downloads</a></div>
+        {([['frame', 'Floor and origin'], ['downloads', 'Downloads']] as const).map(([panel, words]) =>
+          <button key={panel} type="button" onClick={() => document.querySelector(`.panel.${panel}`)?.scrollIntoView()}>{words}</button>)}</div>
     </Panel>
     <Panel name="findings" title={`Findings (${calibration.findings?.length ?? 0})`}>
       {!calibration.findings?.length && <p><Chip mark="good">Nothing found</Chip></p>}

@@ -360,7 +360,7 @@ for (const size of sizes) {
 test('a rigid target is typed in, and is no target of a goal', async () => {
   await visit(sizes[1], {}, async ({ server, address, page }) => {
     await page.goto(address);
-    await page.getByLabel('Target', { exact: true }).selectOption('rigid');
+    await page.getByRole('combobox', { name: 'Target', exact: true }).selectOption('rigid');
     await page.getByLabel(/Points: label/).fill('A 0 0 0 0.0002\nB 0.3 0');
     await page.getByText(/Line 2/).waitFor();
     await page.getByLabel(/Points: label/).fill('A 0 0 0 0.0002\nB 0.3 0 0\nC 0 0.2 0\nD 0 0 0.1');
@@ -376,6 +376,7 @@ test('a rigid target is typed in, and is no target of a goal', async () => {
 test('pictures of the cameras lie below their coverage, for who wants them', async () => {
   await visit(sizes[0], {}, async ({ server, address, page }) => {
     await page.goto(address);
+    await page.locator('.tile .seen img').first().scrollIntoViewIfNeeded();
     await page.locator('.tile .seen img:not(.none)').first().waitFor();
     const frames = server.rig.cameras.filter((camera) => !camera.name.startsWith('event')).length;
     assert.equal(await page.locator('.tile .seen img').count(), frames, 'event cameras give none');

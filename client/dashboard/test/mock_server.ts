@@ -303,7 +303,7 @@ export class MockServer {
     if (path === 'POST /v1/sessions') {
       const wanted = body as CreateSessionRequest;
       const positions = wanted.target?.marker_positions_m ?? [];
-      if (positions.length === 0) throw new Refusal(400, 'INVALID_ARGUMENT', 'target: has no markers');
+      if (positions.length === 0 && !wanted.target?.points?.length) throw new Refusal(400, 'INVALID_ARGUMENT', 'target: has no markers');
       if (this.rig.capturing) throw new Refusal(409, 'FAILED_PRECONDITION', `session ${this.rig.session?.id} captures`);
       if (this.rig.session?.id) this.sessions.set(this.rig.session.id, this.rig.parts().session!);
       const id = `s-${String(this.allSessions().length + 1).padStart(6, '0')}`;

@@ -17,7 +17,7 @@ import { targetOf } from '../view/target_text';
 import { LiveFigureRegion } from './figure_region';
 import { isCapturing, progressOf } from './progress';
 import { nextSounds, nothingSaid, SoundPlayer } from './progress_sound';
-import { NoCameras, startFields, usableCameras } from './session_controls';
+import { NoCameras, optionalPositive, startFields, usableCameras } from './session_controls';
 
 /** Keeps the screen on. Says whether it does. */
 function useWakeLock(): boolean {
@@ -127,9 +127,9 @@ export function DistancePage(): JSX.Element {
   const start = async (): Promise<void> => {
     const { target, problem: refused } = targetOf(startFields(rig.session));
     if (!target) throw new Error(refused);
-    const until = target.kind === 'KIND_RIGID' ? 0 : Number(settings.untilMm);
+    const until = target.kind === 'KIND_RIGID' ? undefined : optionalPositive(settings.untilMm);
     const session = rig.session?.state === 'STATE_CREATED' ? rig.session
-      : await createSession({ rig: rig.rig || undefined, target, goal: until > 0 ? { until_mm: until } : undefined });
+      : await createSession({ rig: rig.rig || undefined, target, goal: until ? { until_mm: until } : undefined });
     await startSession(session.id ?? '');
     control.retryNow();
   };

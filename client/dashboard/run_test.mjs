@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bundles a test program and runs it: node run_test.mjs unit|browser|real|heap|usable|shots|mock
+// Bundles a test program and runs it: node run_test.mjs unit|browser|real|finish|heap|usable|shots|mock
 // What cannot run here says so on a line "[  SKIPPED ] ...".
 import { build } from 'esbuild';
 import { spawnSync } from 'node:child_process';
@@ -11,9 +11,9 @@ const here = dirname(fileURLToPath(import.meta.url));
 const kind = process.argv[2] ?? 'unit';
 const files = {
   unit: readdirSync(join(here, 'test')).filter((name) => name.endsWith('_test.ts')).map((name) => `test/${name}`),
-  browser: ['test/browser.ts'], real: ['test/real.ts'], heap: ['test/heap.ts'], shots: ['test/shots.ts'], usable: ['test/usable.ts'], mock: ['test/mock_main.ts'],
+  browser: ['test/browser.ts'], real: ['test/real.ts'], finish: ['test/finish.ts'], heap: ['test/heap.ts'], shots: ['test/shots.ts'], usable: ['test/usable.ts'], mock: ['test/mock_main.ts'],
 }[kind];
-if (!files) throw new Error(`run_test: unit, browser, real, heap, usable, shots or mock, not "${kind}"`);
+if (!files) throw new Error(`run_test: unit, browser, real, finish, heap, usable, shots or mock, not "${kind}"`);
 const env = { ...process.env };
 if (kind !== 'unit' && kind !== 'mock') {
   env.RIGCAL_CHROMIUM ??= ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find(existsSync);
@@ -28,7 +28,7 @@ await build({ absWorkingDir: here, entryPoints: files, outdir: out, bundle: true
   target: 'node18', packages: 'external', external: ['*/proto_types.mjs'], outExtension: { '.js': '.mjs' },
   sourcemap: 'inline', jsx: 'automatic', jsxImportSource: 'preact', logLevel: 'warning' });
 const programs = files.map((file) => join(out, file.replace('test/', '').replace('.ts', '.mjs')));
-const test = kind === 'unit' || kind === 'browser' || kind === 'real' ? ['--test'] : [];
+const test = kind === 'unit' || kind === 'browser' || kind === 'real' || kind === 'finish' ? ['--test'] : [];
 const result = spawnSync(process.execPath, ['--enable-source-maps', ...test, ...programs],
   { cwd: here, stdio: 'inherit', env });
 process.exit(result.status ?? 1);

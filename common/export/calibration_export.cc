@@ -100,9 +100,11 @@ absl::StatusOr<const CalibrationExportFormat*> FindCalibrationExportFormat(std::
 }
 
 absl::StatusOr<ExportDownload> MakeDownload(const CalibrationExportFormat& format,
-                                            const v1::Calibration& calibration) {
+                                            const v1::Calibration& calibration,
+                                            std::string_view variant) {
   RIGCAL_ASSIGN_OR_RETURN(std::vector<ExportFile> files, format.make(calibration));
-  const std::string base = absl::StrCat(calibration.id(), "-", format.name);
+  const std::string base = absl::StrCat(calibration.id(), "-", format.name,
+                                        absl::string_view(variant.data(), variant.size()));
   if (files.size() == 1) {
     const std::string_view extension = ExtensionOf(files.front().name);
     return ExportDownload{base + std::string(extension), format.content_type,

@@ -35,9 +35,11 @@ struct ExportDownload {
   std::string content;
 };
 
-// In one file: several are packed into a ZIP archive. The errors are those of the format.
+// In one file: several are packed into a ZIP archive. `variant` is put behind the format's name in
+// the name of the file. The errors are those of the format.
 absl::StatusOr<ExportDownload> MakeDownload(const CalibrationExportFormat& format,
-                                            const rigcal::v1::Calibration& calibration);
+                                            const rigcal::v1::Calibration& calibration,
+                                            std::string_view variant = {});
 
 // FAILED_PRECONDITION unless it has succeeded.
 absl::Status CheckHasResult(const rigcal::v1::Calibration& calibration);

@@ -31,7 +31,7 @@ double LensShiftPx(const ExportedCamera& camera) {
 
 absl::Status CheckNoDistortion(const ExportedCamera& camera, const char* program) {
   const std::string none = absl::StrCat(program, "'s cameras have no lens distortion, and ");
-  constexpr char kInstead[] = "; undistort the images, and export with --undistorted";
+  constexpr char kInstead[] = "; undistort the images, and export undistorted (--undistorted)";
   if (camera.intrinsics.model == DistortionModel::kFisheye) {
     return CannotHold(camera, absl::StrCat(none, "this one is a fisheye", kInstead));
   }

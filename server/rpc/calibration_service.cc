@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/export/calibration_export.h"
 #include "common/export/covariance_json.h"
+#include "common/export/undistorted.h"
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_result_wire.h"
 #include "common/wire/calibration_wire.h"
@@ -46,6 +47,7 @@ void SetPoint(const PointAccuracy& point, v1::PointAccuracy* proto) {
   *proto->mutable_sigma_m() = wire::ToProto(point.sigma_m);
   proto->set_shape_total_m(point.shape_sigma_m.norm());
   proto->set_total_m(point.sigma_m.norm());
+  proto->set_calibration_total_m(point.calibration_sigma_m);
 }
 
 void SetSummary(const AccuracySummary& summary, v1::AccuracySummary* proto) {
@@ -145,11 +147,14 @@ void AddCovariance(const Calibration& calibration, const std::string& format_nam
   if (with.size() <= kMaxExportBytes) *content = std::move(with);
 }
 
-absl::Status FillExport(const v1::Calibration& calibration, const std::string& format_name,
+absl::Status FillExport(const v1::Calibration& calibration,
+                        const v1::ExportCalibrationRequest& request,
                         v1::ExportCalibrationResponse* response) {
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationExportFormat* format,
-                          FindCalibrationExportFormat(format_name));
-  RIGCAL_ASSIGN_OR_RETURN(ExportDownload download, MakeDownload(*format, calibration));
+                          FindCalibrationExportFormat(request.format()));
+  RIGCAL_ASSIGN_OR_RETURN(
+      ExportDownload download,
+      MakeDownload(*format, calibration, request.undistorted() ? "-undistorted" : ""));
   if (download.content.size() > kMaxExportBytes) {
     return absl::ResourceExhaustedError(
         absl::StrCat("calibration ", calibration.id(), " has ", download.content.size(),
@@ -304,7 +309,8 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
                            v1::ListExportsResponse* response) override {
     return GuardedCall("ListExports", [&]() -> absl::Status {
       RIGCAL_ASSIGN_OR_RETURN(const Calibration calibration, runner_.GetCalibration(request->id()));
-      const v1::Calibration described = wire::ToProto(calibration);
+      v1::Calibration described = wire::ToProto(calibration);
+      if (request->undistorted()) described = Undistorted(std::move(described));
       for (const CalibrationExportFormat& format : CalibrationExportFormats()) {
         v1::ExportFormat* const proto = response->add_formats();
         proto->set_name(format.name);
@@ -321,8 +327,12 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
       const absl::StatusOr<Calibration> stored = runner_.GetCalibration(request->id());
       v1::Calibration calibration;
       RIGCAL_RETURN_IF_ERROR(Describe(stored, &calibration));
-      RIGCAL_RETURN_IF_ERROR(FillExport(calibration, request->format(), response));
-      AddCovariance(*stored, request->format(), response->mutable_content());
+      if (request->undistorted()) calibration = Undistorted(std::move(calibration));
+      RIGCAL_RETURN_IF_ERROR(FillExport(calibration, *request, response));
+      // The covariance is that of the lenses, too.
+      if (!request->undistorted()) {
+        AddCovariance(*stored, request->format(), response->mutable_content());
+      }
       return absl::OkStatus();
     });
   }

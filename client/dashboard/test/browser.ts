@@ -57,10 +57,15 @@ for (const size of sizes) {
 
       await page.getByRole('link', { name: 'Wave', exact: true }).click();
       await page.getByRole('heading', { name: 'Cameras (8)' }).waitFor();
-      await page.getByLabel('Markers along the wand, mm').fill('130, 0');
+      await page.getByLabel('Markers along the wand, m').fill('0, 130, 390');
+      await page.getByText('positions are in metres').waitFor();
+      await page.getByLabel('Markers along the wand, m').fill('0.13, 0');
       await page.getByText('The first marker is at 0.').waitFor();
       assert.ok(await page.getByRole('button', { name: 'Start capture' }).isDisabled());
-      await page.getByLabel('Markers along the wand, mm').fill('0, 130, 390');
+      await page.getByText('event_3 is an event camera').waitFor();
+      await page.getByLabel('Markers along the wand, m').fill('wand:0,0.13,0.39;diameter=0.04;hz=500');
+      assert.equal(await page.getByLabel('Marker diameter, m').inputValue(), '0.04', 'a text of the command line fills all fields');
+      assert.equal(await page.getByText('event_3 is an event camera').count(), 0);
       await page.getByLabel('Stop below, mm').fill('0.9');
       await page.getByText('Cameras: all 8').click();
       await page.getByLabel('frame_2', { exact: true }).uncheck();
@@ -69,6 +74,7 @@ for (const size of sizes) {
       await page.getByRole('button', { name: 'Start capture' }).click();
       await page.getByRole('button', { name: 'Stop capture' }).waitFor();
       assert.equal(server.rig.session?.goal?.until_mm, 0.9);
+      assert.deepEqual(server.rig.session?.target, { kind: 'KIND_WAND', marker_positions_m: [0, 0.13, 0.39], diameter_m: 0.04, blink_hz: [500] });
       assert.equal(server.rig.session?.requested_cameras?.length, 7);
       assert.ok(!server.rig.session?.requested_cameras?.includes('frame_2'));
       assert.deepEqual(server.rig.session?.target?.marker_positions_m, [0, 0.13, 0.39]);
@@ -237,6 +243,17 @@ test('a server that is gone: a banner with the age, no frozen numbers; back by i
     await page.getByText(/Data are \d+ s old/).waitFor();
     assert.equal(await page.locator('.big .digits').textContent(), '–');
     assert.match((await page.locator('.tile').first().textContent()) ?? '', /not known/);
+    assert.ok(await page.getByRole('button', { name: 'Stop capture' }).isDisabled(), 'nothing that the server would have to do can be pressed');
+    await page.getByText('Alerts are not known').waitFor();
+    assert.equal(await page.getByText('No alerts').count(), 0);
+    assert.match(await page.locator('.panel.tiles').evaluate((panel) => getComputedStyle(panel).filter), /grayscale/);
+    await page.getByRole('link', { name: 'Distance mode' }).click();
+    assert.ok(await page.getByRole('button', { name: 'Stop' }).isDisabled());
+    await page.getByRole('link', { name: 'Back' }).click();
+    await page.getByRole('link', { name: 'Rig', exact: true }).click();
+    await page.getByText('does not answer').first().waitFor();
+    assert.equal(await page.locator('.panel.agents .chip.good, .panel.cameras .chip.live').count(), 0);
+    await page.getByRole('link', { name: 'Wave', exact: true }).click();
     await checkPage(page, 'stale');
     server.restart();
     server.failing = false;
@@ -246,6 +263,161 @@ test('a server that is gone: a banner with the age, no frozen numbers; back by i
     await page.getByRole('button', { name: 'Read' }).click();
     await page.getByText(/The server was restarted/).waitFor({ state: 'detached' });
   });
+});
+
+for (const size of sizes) {
+  test(`${size.name}: from the wave to the file, in the distance mode and on its result`, async () => {
+    await visit(size, {}, async ({ server, address, page }) => {
+      await page.goto(`${address}/#/distance`);
+      await page.getByRole('button', { name: 'Start', exact: true }).click();
+      await page.getByRole('button', { name: 'Stop' }).waitFor();
+      server.rig.advance(400);
+      await page.getByText('Good enough').first().waitFor();
+      assert.equal(await page.getByRole('button', { name: 'Start', exact: true }).count(), 0, 'what follows is the calibration');
+      await page.getByRole('button', { name: 'Calibrate', exact: true }).click();
+      await page.getByRole('heading', { name: 'Calibrating' }).waitFor();
+      await page.getByRole('heading', { name: /usable, aware of the reasons/ }).waitFor();
+      await checkPage(page, 'grade');
+      const first = server.activations.length;
+      server.activationFault = 'c-000003 has no camera frame_4, which the active calibration has';
+      await page.getByRole('button', { name: 'Activate', exact: true }).click();
+      await page.getByText('has no camera frame_4').waitFor();
+      assert.equal(server.activations.length, first);
+      await page.getByRole('button', { name: 'Activate it nevertheless' }).click();
+      await page.getByText(/Active since/).waitFor();
+      server.activationFault = '';
+      assert.deepEqual([server.activations[0]?.calibration_id, server.activations[0]?.forced], ['c-000003', true]);
+      // The page knows it again after a reload.
+      await page.reload();
+      await page.getByRole('heading', { name: /usable, aware of the reasons/ }).waitFor();
+
+      await page.getByRole('link', { name: 'Floor, downloads' }).click();
+      await page.getByRole('heading', { name: /c-000003, version 3 of rig/ }).waitFor();
+      await page.getByText(/Active since/).waitFor();
+      const frame = page.locator('.panel.frame');
+      assert.equal(await frame.getByLabel('Height of the marker centres').inputValue(), '0.02', 'half the diameter of the wand');
+      assert.ok(await frame.getByRole('button', { name: 'Set floor' }).isDisabled(), 'there is no recording');
+      await frame.getByRole('button', { name: 'Record now' }).click();
+      await frame.getByRole('button', { name: 'Stop recording' }).waitFor();
+      const floor = server.rig.session!;
+      assert.deepEqual(floor.target?.marker_positions_m, [0, 0.13, 0.39], 'the wand of the calibration');
+      server.rig.advance(6);
+      await frame.getByRole('button', { name: 'Stop recording' }).click();
+      await checkPage(page, 'floor');
+      await frame.getByRole('button', { name: 'Set floor', disabled: false }).click();
+      await page.getByRole('heading', { name: /c-000004, version 4 of rig/ }).waitFor();
+      assert.deepEqual(server.calibrations.get('c-000004')?.options,
+        { kind: 'KIND_ORIGIN', parent_id: 'c-000003', origin: { source: 'FRAME_SOURCE_FLOOR', height_m: 0.02 } });
+      assert.deepEqual(server.calibrations.get('c-000004')?.session_ids, [floor.id]);
+      await frame.getByText('The frame is z = 0 is the floor, z up').waitFor();
+      await page.locator('.panel.summary').getByRole('button', { name: 'Activate', exact: true }).click();
+      await page.locator('.panel.summary').getByText(/Active since/).waitFor();
+
+      const history = page.locator('.panel.history');
+      await history.getByText('c-000004').waitFor();
+      assert.equal(await history.locator('tbody tr').count(), 2);
+      await history.getByText('against the refusal').waitFor();
+      await history.getByRole('button', { name: 'Roll back to c-000003' }).click();
+      await history.getByText('rolled back').waitFor();
+      await page.locator('.panel.summary').getByRole('button', { name: 'Activate', exact: true }).waitFor();
+      assert.equal(server.activations[0]?.calibration_id, 'c-000003');
+
+      const downloads = page.locator('.panel.downloads');
+      await downloads.getByText('its cameras have no lens distortion').waitFor();
+      assert.equal(await downloads.getByRole('link', { name: 'Blender' }).count(), 0);
+      await downloads.getByLabel(/Undistorted/).check();
+      const waiting = page.waitForEvent('download');
+      await downloads.getByRole('link', { name: 'Blender' }).click();
+      assert.equal((await waiting).suggestedFilename(), 'c-000004-blender-undistorted.py');
+      const wide = await downloads.evaluate((panel) => panel.getBoundingClientRect().width / document.documentElement.clientWidth);
+      assert.ok(wide > 0.9, 'the downloads use the width');
+      await checkPage(page, 'finished');
+      await page.getByRole('link', { name: 'Sessions', exact: true }).click();
+      await page.locator('.panel.calibrations tr', { hasText: 'c-000003' }).locator('.chip.good', { hasText: 'active' }).waitFor();
+    }, () => localStorage.setItem('rigcal', JSON.stringify({ untilMm: '0.9', scene: 'plan' })));
+  });
+
+  test(`${size.name}: without a camera there is nothing to start, and a server for its own PC says what to start`, async () => {
+    await visit(size, { cameras: 0, local: true }, async ({ address, page }) => {
+      await page.goto(address);
+      await page.getByText('No camera is connected').first().waitFor();
+      await page.getByText('rigcal-agent').first().waitFor();
+      assert.equal(await page.getByRole('button', { name: /Start/ }).count(), 0);
+      await checkPage(page, 'no camera');
+      await page.getByRole('link', { name: 'Distance mode' }).click();
+      await page.getByText('No camera is connected').waitFor();
+      assert.equal(await page.getByRole('button', { name: /Start/ }).count(), 0);
+      await page.getByRole('link', { name: 'Back' }).click();
+      await page.getByRole('link', { name: 'Join', exact: true }).click();
+      await page.getByText('rigcal-server --listen 0.0.0.0', { exact: true }).waitFor();
+      await page.getByText(/warns of its certificate once/).waitFor();
+      assert.equal(await page.getByRole('button', { name: 'Make a join string' }).count(), 0);
+      await checkPage(page, 'join on loopback');
+    });
+  });
+}
+
+test('a rigid target is typed in, and is no target of a goal', async () => {
+  await visit(sizes[1], {}, async ({ server, address, page }) => {
+    await page.goto(address);
+    await page.getByRole('combobox', { name: 'Target', exact: true }).selectOption('rigid');
+    await page.getByLabel(/Points: label/).fill('A 0 0 0 0.0002\nB 0.3 0');
+    await page.getByText(/Line 2/).waitFor();
+    await page.getByLabel(/Points: label/).fill('A 0 0 0 0.0002\nB 0.3 0 0\nC 0 0.2 0\nD 0 0 0.1');
+    assert.ok(await page.getByLabel('Goal: stop below, mm').isDisabled());
+    await checkPage(page, 'rigid target');
+    await page.getByRole('button', { name: 'Start capture' }).click();
+    await page.getByRole('button', { name: 'Stop capture' }).waitFor();
+    assert.equal(server.rig.session?.target?.points?.length, 4);
+    assert.equal(server.rig.session?.goal, undefined);
+  });
+});
+
+test('pictures of the cameras lie below their coverage, for who wants them', async () => {
+  await visit(sizes[0], {}, async ({ server, address, page }) => {
+    await page.goto(address);
+    await page.locator('.tile .seen img').first().scrollIntoViewIfNeeded();
+    await page.locator('.tile .seen img:not(.none)').first().waitFor();
+    const frames = server.rig.cameras.filter((camera) => !camera.name.startsWith('event')).length;
+    assert.equal(await page.locator('.tile .seen img').count(), frames, 'event cameras give none');
+    await page.getByRole('button', { name: 'Pictures' }).click();
+    assert.equal(await page.locator('.tile .seen img').count(), 0);
+    await page.reload();
+    await page.locator('.tile').first().waitFor();
+    assert.equal(await page.locator('.tile .seen img').count(), 0, 'it stays chosen');
+  });
+});
+
+test('3-D that is slow gives way to the plan, until a person asks for it', async () => {
+  await visit(sizes[0], {}, async ({ server, address, page }) => {
+    server.rig.create({ id: 's-1', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] } });
+    server.rig.start();
+    server.rig.advance(20);
+    await page.goto(address);
+    await page.getByText(/3-D is slow here/).waitFor();
+    await page.locator('.plans canvas').first().waitFor();
+    await page.getByRole('button', { name: '3-D' }).click();
+    await page.locator('.scene canvas').waitFor();
+    assert.equal(await page.getByText(/3-D is slow here/).count(), 0);
+  }, () => {
+    const real = WebGL2RenderingContext.prototype.readPixels;
+    WebGL2RenderingContext.prototype.readPixels = function (this: WebGL2RenderingContext, ...rest: unknown[]) {
+      for (const end = performance.now() + 450; performance.now() < end;);
+      return (real as (...all: unknown[]) => void).apply(this, rest);
+    } as typeof real;
+  });
+});
+
+test('a screen of 3840 x 2160 is filled', async () => {
+  await visit({ width: 3840, height: 2160 }, {}, async ({ server, address, page }) => {
+    server.rig.create({ id: 's-1', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] } });
+    server.rig.start();
+    server.rig.advance(20);
+    await page.goto(address);
+    await page.locator('.plans canvas').first().waitFor();
+    const bottom = await page.locator('.wave').evaluate((wave) => wave.getBoundingClientRect().bottom);
+    assert.ok(bottom > 2160 * 0.97 && bottom <= 2160, `the page ends at ${bottom}`);
+  }, () => localStorage.setItem('rigcal', JSON.stringify({ scene: 'plan' })));
 });
 
 test('two people: who starts second is told', async () => {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { countQuality, coverageStep, coverageStepQuality, errorQuality, inkOn, luminance, overlapStep, qualityRgb, type Rgb }
+import { countQuality, coverageStep, coverageStepQuality, errorQuality, inkOn, luminance, overlapStep, qualityRgb, type Rgb, wantedMm }
   from '../src/view/colour_scale';
 
 /** How a person without red or green cones sees a colour (Viénot, Brettel and Mollon 1999), linear light. */
@@ -59,4 +59,10 @@ test('counts become steps', () => {
   assert.deepEqual([0, 1, 49, 50, 199, 200].map(overlapStep), [0, 1, 1, 2, 2, 3]);
   assert.equal(countQuality(100, 400), 0.5);
   assert.equal(countQuality(5, 0), 0);
+});
+
+test('errors in millimetres have one scale, whatever else is in the picture', () => {
+  assert.equal(wantedMm(undefined), 0.5);
+  assert.equal(wantedMm(0), 0.5);
+  assert.equal(wantedMm(2), 2);
 });

@@ -4,7 +4,7 @@ import { test } from 'node:test';
 import { durationSeconds, timeMs, toBytes, toCount, toDuration } from '../src/api/json_values';
 import { bytes, count, dateTime, enumWords, fixed, inMs, millimetres, percent, seconds, span } from '../src/view/format';
 import { hashOf, parseRoute, routeOf } from '../src/shell/route';
-import { otherTargetText, parseTarget, targetText } from '../src/view/target_text';
+import { fieldsOf, fieldsOfText, otherTargetText, type ParsedTarget, type TargetFields, targetOf, targetText, usualFields } from '../src/view/target_text';
 import { filterText, matches } from '../src/records/filter';
 import { optionalPositive } from '../src/wave/session_controls';
 
@@ -60,22 +60,45 @@ test('values of protobuf JSON', () => {
   assert.equal(toBytes('*').length, 0);
 });
 
-test('targets: millimetres, the form of the command line, and what is refused', () => {
-  assert.deepEqual(parseTarget('0, 130 390').target, { kind: 'KIND_WAND', marker_positions_m: [0, 0.13, 0.39] });
-  assert.deepEqual(parseTarget('wand:0,0.13;diameter=0.04;hz=500,700;tolerance=0.001').target,
+const read = (change: Partial<TargetFields>): ParsedTarget => targetOf({ ...usualFields, ...change });
+
+test('targets: fields in metres, a text of the command line, and what is refused', () => {
+  assert.deepEqual(read({ markers: '0, 0.13 0.39' }).target, { kind: 'KIND_WAND', marker_positions_m: [0, 0.13, 0.39] });
+  assert.deepEqual(read({ markers: '0,0.13', diameter: '0,04', hz: '500, 700', tolerance: '0.001' }).target,
     { kind: 'KIND_WAND', marker_positions_m: [0, 0.13], diameter_m: 0.04, blink_hz: [500, 700], span_tolerance_m: 0.001 });
-  assert.deepEqual(parseTarget('point').target, { kind: 'KIND_POINT', marker_positions_m: [0] });
-  for (const bad of ['', '0', '10, 130', '0, 130, 130', '0, 390, 130', '0, x', 'wand:0,0.1;colour=1', 'wand:0,0.1;hz=fast',
-    '0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16', '0, 100000']) {
-    assert.equal(parseTarget(bad).target, undefined, bad);
-    assert.notEqual(parseTarget(bad).problem, '', bad);
+  assert.deepEqual(targetOf(fieldsOfText('wand:0,0.13;diameter=0.04;hz=500,700;tolerance=0.001')!),
+    read({ markers: '0,0.13', diameter: '0.04', hz: '500, 700', tolerance: '0.001' }));
+  assert.deepEqual(targetOf(fieldsOfText('point')!).target, { kind: 'KIND_POINT', marker_positions_m: [0] });
+  assert.equal(fieldsOfText('0, 0.13'), undefined);
+  assert.equal(fieldsOfText('wand:0,0.1;colour=1'), undefined);
+  for (const bad of [{ markers: '' }, { markers: '0' }, { markers: '0.1, 0.13' }, { markers: '0, 0.13, 0.13' }, { markers: '0, 0.39, 0.13' },
+    { markers: '0, x' }, { markers: '0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16' }, { hz: 'fast' }, { hz: '-1' }, { hz: '400, 500' },
+    { diameter: '-1' }, { diameter: '40' }, { tolerance: 'x' }]) {
+    assert.equal(read(bad).target, undefined, JSON.stringify(bad));
+    assert.notEqual(read(bad).problem, '', JSON.stringify(bad));
+  }
+  assert.match(read({ markers: '0, 130, 390' }).problem, /390 m: positions are in metres/);
+});
+
+test('rigid targets: a line for each point, and which line is wrong', () => {
+  const points = '# frame\nA1 0 0 0 0.0002\nA2, 0.3, 0, 0.01\n\nB1 0.3 0.2 0 0\nB2 0 0.2 0.1 0 # top';
+  assert.deepEqual(read({ kind: 'rigid', points, diameter: '0.016', hz: '500' }).target, { kind: 'KIND_RIGID', diameter_m: 0.016, blink_hz: [500], points: [
+    { label: 'A1', x_m: 0, y_m: 0, z_m: 0, sigma_m: 0.0002 }, { label: 'A2', x_m: 0.3, y_m: 0, z_m: 0.01, sigma_m: 0.0005 },
+    { label: 'B1', x_m: 0.3, y_m: 0.2, z_m: 0, sigma_m: 0 }, { label: 'B2', x_m: 0, y_m: 0.2, z_m: 0.1, sigma_m: 0 }] });
+  for (const [bad, why] of [['A 0 0 0\nB 0 0', /Line 2/], ['A 0 0 0\nA 1 0 0', /twice/], ['A 0 zero 0', /numbers/], ['A 0 0 0', /4 to 200/],
+    ['A 300 0 0', /100 m/], ['A 0 0 0 -1', /negative/]] as const) {
+    assert.match(read({ kind: 'rigid', points: bad }).problem, why, bad);
   }
 });
 
-test('the text of a target is read as that target', () => {
-  for (const text of ['0, 130, 390', 'wand:0,0.13,0.39;diameter=0.04;hz=500', 'point;diameter=0.03']) {
-    assert.equal(targetText(parseTarget(text).target), text);
+test('the fields of a target are read as that target', () => {
+  for (const change of [{}, { diameter: '0.04', hz: '500' }, { kind: 'point', diameter: '0.03' },
+    { kind: 'rigid', points: 'A 0 0 0 0.001\nB 1 0 0 0.001\nC 0 1 0 0.001\nD 0 0 1 0' }] as Partial<TargetFields>[]) {
+    const { target } = read(change);
+    assert.deepEqual(targetOf(fieldsOf(target)!).target, target);
   }
+  assert.equal(fieldsOf({ kind: 'KIND_STATIC' }), undefined);
+  assert.equal(targetText(read({ diameter: '0.04', hz: '500' }).target), 'wand:0,0.13,0.39;diameter=0.04;hz=500');
 });
 
 test('numbers that may be left out', () => {

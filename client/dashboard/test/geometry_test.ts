@@ -4,7 +4,7 @@ import { test } from 'node:test';
 import { compareCalibrations } from '../src/result/compare';
 import { compose, cross, dot, drawnCamera, inverse, length, poseOf, type Pose, roomFromRig, rotationAngle, rotationOf,
   subtract, times, transposed, type Vec3 } from '../src/view/geometry';
-import { modelOfCalibration, modelOfEstimate, wantedMm } from '../src/view/rig_model';
+import { modelOfCalibration, modelOfEstimate } from '../src/view/rig_model';
 import { flattened } from '../src/scene/draw_plan';
 import { mockAccuracy, mockCalibration } from './mock_calibration';
 import { MockRig, quaternionOf } from './mock_rig';
@@ -72,6 +72,9 @@ test('the model puts cameras where the rig has them', () => {
   assert.ok(model.places.length > 50);
   assert.ok(model.places.every((place) => place.sigmaMm > 0));
   assert.ok(model.places.some((place) => !place.waved));
+  assert.ok(model.advice.length > 0 && model.wand.length > 0);
+  const done = modelOfEstimate(estimate, cameras, false);
+  assert.deepEqual([done.advice, done.wand], [[], []], 'nobody is told where to wave when nobody waves');
 });
 
 test('an empty or damaged volume draws nothing', () => {
@@ -81,12 +84,9 @@ test('an empty or damaged volume draws nothing', () => {
 });
 
 test('the plan keeps the worst of each column', () => {
-  const model = modelOfCalibration({}, { grid_step_m: 1, grid: [{ point_m: { z: 1 }, shape_total_m: 1e-3 },
-    { point_m: { z: 1, y: 3 }, shape_total_m: 4e-3 }, { point_m: { z: 2 }, shape_total_m: 2e-3 }] });
+  const model = modelOfCalibration({}, { grid_step_m: 1, grid: [{ point_m: { z: 1 }, calibration_total_m: 1e-3 },
+    { point_m: { z: 1, y: 3 }, calibration_total_m: 4e-3 }, { point_m: { z: 2 }, calibration_total_m: 2e-3 }] });
   assert.deepEqual(flattened(model, 'top').map((one) => one.sigmaMm).sort(), [2, 4]);
-  assert.equal(wantedMm(undefined, model.places), 2);
-  assert.equal(wantedMm(0.5, model.places), 0.5);
-  assert.equal(wantedMm(undefined, []), 1);
 });
 
 test('a rig that was turned as a whole shows no difference; a moved camera does', () => {

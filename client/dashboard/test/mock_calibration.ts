@@ -84,7 +84,7 @@ export function mockAccuracy(id: string): GetAccuracyResponse {
     for (let y = 0; y < 1.9; y += 0.4) {
       for (let z = 1.6; z < 4.5; z += 0.4) {
         const total = 2.2e-4 * (1 + 0.4 * (x * x + (y - 0.9) ** 2 + (z - 3) ** 2));
-        grid.push({ point_m: { x, y, z }, camera_count: 4, shape_total_m: total, total_m: total * 1.2 });
+        grid.push({ point_m: { x, y, z }, camera_count: 4, calibration_total_m: total * 0.8, shape_total_m: total, total_m: total * 1.2 });
       }
     }
   }

@@ -8,7 +8,7 @@ import { createServer, type IncomingMessage, type Server, type ServerResponse } 
 import type { AddressInfo } from 'node:net';
 import { extname, join, normalize } from 'node:path';
 import { gzipSync } from 'node:zlib';
-import type { Calibration, ColourRange, CreateSessionRequest, Detector, LiveState, Session } from '../src/api/types';
+import type { Activation, Calibration, CalibrationOptions, ColourRange, CreateSessionRequest, Detector, LiveState, Session } from '../src/api/types';
 import { mockAccuracy, mockCalibration, mockResiduals } from './mock_calibration';
 import { epochMs, MockRig } from './mock_rig';
 
@@ -49,6 +49,10 @@ export class MockServer {
   /** Cameras that give none. */
   readonly withoutPreviews = new Set<string>();
   readonly detectors = new Map<string, Detector>();
+  /** Newest first. */
+  readonly activations: Activation[] = [];
+  /** Why the next activation is refused unless it is forced; "": it is not. */
+  activationFault = '';
   /** How the next learning ends; "": well. */
   learningFault = '';
   private revision = 0;
@@ -299,7 +303,7 @@ export class MockServer {
     if (path === 'POST /v1/sessions') {
       const wanted = body as CreateSessionRequest;
       const positions = wanted.target?.marker_positions_m ?? [];
-      if (positions.length === 0) throw new Refusal(400, 'INVALID_ARGUMENT', 'target: has no markers');
+      if (positions.length === 0 && !wanted.target?.points?.length) throw new Refusal(400, 'INVALID_ARGUMENT', 'target: has no markers');
       if (this.rig.capturing) throw new Refusal(409, 'FAILED_PRECONDITION', `session ${this.rig.session?.id} captures`);
       if (this.rig.session?.id) this.sessions.set(this.rig.session.id, this.rig.parts().session!);
       const id = `s-${String(this.allSessions().length + 1).padStart(6, '0')}`;
@@ -334,15 +338,33 @@ export class MockServer {
         return this.json(response, { session: this.session(id) });
       }
     }
+    if (path === 'GET /v1/rigs') {
+      return this.json(response, { rigs: [{ name: 'rig', active_calibration_id: this.activations[0]?.calibration_id ?? '' }] });
+    }
+    if (path === 'GET /v1/rigs/rig/activations') return this.json(response, { activations: this.activations });
+    if (path === 'POST /v1/rigs/rig:rollback') {
+      const to = this.activations[0]?.previous_calibration_id;
+      if (!to) throw new Refusal(409, 'FAILED_PRECONDITION', 'rig rig has no calibration before the active one');
+      return this.json(response, { activation: this.activate(to, body, true) });
+    }
+    if ((match = /^POST \/v1\/calibrations\/([^/:]+):activate$/.exec(path))) {
+      return this.json(response, { activation: this.activate(decodeURIComponent(match[1]!), body, false) });
+    }
     if (path === 'GET /v1/calibrations') {
-      return this.json(response, { calibrations: [...this.calibrations.values()].reverse()
+      const of = /session_ids:([\w-]+)/.exec(url.searchParams.get('filter') ?? '')?.[1];
+      return this.json(response, { calibrations: [...this.calibrations.values()].reverse().filter((one) => !of || one.session_ids?.includes(of))
         .map(({ cameras: _cameras, refused: _refused, ...rest }) => this.progress(rest)) });
     }
     if (path === 'POST /v1/calibrations') {
       const ids = (body['session_ids'] as string[] | undefined) ?? [];
-      if (ids.length === 0) throw new Refusal(400, 'INVALID_ARGUMENT', 'session_ids: is empty');
+      const options = body['options'] as CalibrationOptions | undefined;
+      if (ids.length === 0 && options?.kind !== 'KIND_ORIGIN') throw new Refusal(400, 'INVALID_ARGUMENT', 'session_ids: is empty');
       ids.forEach((id) => this.session(id));
       const calibration = this.addCalibration(ids);
+      if (options?.kind === 'KIND_ORIGIN') {
+        Object.assign(calibration, { options, reference_camera: '', frame: { source: options.origin?.source, calibration_id: options.parent_id,
+          residual_rms_m: 4e-4, lowest_camera: calibration.cameras?.[0]?.camera, lowest_camera_m: 1.23 } });
+      }
       this.running.set(calibration.id!, 3);
       return this.json(response, { calibration: { ...calibration, state: 'STATE_QUEUED', cameras: [] } });
     }
@@ -359,28 +381,42 @@ export class MockServer {
       if (match[3] === '/exports') {
         return this.json(response, { formats: [{ name: 'opencv', description: 'one FileStorage YAML per camera' },
           { name: 'json', description: 'the whole calibration' },
+          { name: 'blender', description: 'Python script that adds the cameras; no lens distortion',
+            problem: url.searchParams.get('undistorted') ? '' : 'its cameras have no lens distortion' },
           { name: 'none', description: 'a format that this one lacks something for', problem: 'it has no metric scale' }] });
       }
       if (match[3]) {
-        const json = match[3] === '/exports/json';
-        response.writeHead(200, { 'Content-Type': json ? 'application/json' : 'application/zip',
-          'Content-Disposition': `attachment; filename="${id}-${json ? 'json.json' : 'opencv.zip'}"` });
-        response.end(json ? JSON.stringify(calibration) : 'PK');
+        const [name, content] = { '/exports/json': ['json.json', JSON.stringify(calibration)],
+          '/exports/blender': [`blender${url.searchParams.get('undistorted') ? '-undistorted' : ''}.py`, 'import bpy'] }[match[3]] ?? ['opencv.zip', 'PK'];
+        response.writeHead(200, { 'Content-Type': 'application/octet-stream', 'Content-Disposition': `attachment; filename="${id}-${name}"` });
+        response.end(content);
         return;
       }
       const left = this.running.get(id) ?? 0;
       this.running.set(id, left - 1);
       return this.json(response, { calibration: this.progress(calibration) });
     }
-    if (path === 'POST /v1/tokens') {
+    if (path === 'GET /v1/tokens' || path === 'POST /v1/tokens') {
       if (this.options.local) {
         throw new Refusal(409, 'FAILED_PRECONDITION', 'this server listens on its own PC only, where nobody needs to join');
       }
+      if (request.method === 'GET') return this.json(response, { tokens: [] });
       return this.json(response, { token: { id: 't-5f0c91aa', role: body['role'] ?? 'ROLE_AGENT',
         expire_time: new Date(Date.now() + 3600e3).toISOString() },
         join_string: `rk1.${Buffer.from('127.0.0.1:7421 a secret of thirty-two octets, and the hash of a CA').toString('base64url')}` });
     }
     throw new Refusal(404, 'NOT_FOUND', `there is no route ${path}`);
+  }
+
+  private activate(id: string, body: Record<string, unknown>, rollback: boolean): Activation {
+    const calibration = this.calibrations.get(id);
+    if (!calibration) throw new Refusal(404, 'NOT_FOUND', `there is no calibration "${id}"`);
+    if (this.activationFault && !body['force']) throw new Refusal(409, 'FAILED_PRECONDITION', this.activationFault);
+    const activation: Activation = { rig: 'rig', number: this.activations.length + 1, calibration_id: id, version: calibration.version,
+      previous_calibration_id: this.activations[0]?.calibration_id ?? '', time: new Date(epochMs).toISOString(),
+      reason: String(body['reason'] ?? ''), forced: this.activationFault !== '', rollback };
+    this.activations.unshift(activation);
+    return activation;
   }
 
   private progress(calibration: Calibration): Calibration {

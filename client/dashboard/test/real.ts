@@ -118,7 +118,7 @@ for (const [turn, size] of sizes.entries()) {
     await page.getByRole('link', { name: 'Wave', exact: true }).click();
     await page.getByRole('heading', { name: `Cameras (${turn + 3})` }).waitFor();
     if (turn === 1) await page.getByRole('button', { name: 'New capture' }).click();
-    await page.getByLabel('Markers along the wand, mm').fill('0, 130, 390');
+    await page.getByLabel('Markers along the wand, m').fill('0, 0.13, 0.39');
     await page.getByLabel('Stop below, mm').fill(turn === 0 ? '20' : '');
     if (turn === 0) await page.getByLabel('Not before, s').fill('6');
     await page.getByRole('button', { name: 'Start capture' }).click();

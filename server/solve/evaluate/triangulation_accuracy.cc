@@ -147,28 +147,36 @@ class SeenPoints {
  public:
   explicit SeenPoints(const Rig& rig) : rig_(rig) {}
 
-  PointAccuracy Add(const Eigen::Vector3d& point_m, double sigma_px) {
+  // Puts the point behind `list`, if two cameras see it or `always`.
+  void Add(const Eigen::Vector3d& point_m, double sigma_px, bool always,
+           std::vector<PointAccuracy>* list) {
     Eigen::Matrix3Xd gain;
     const PointAccuracy accuracy = rig_.At(point_m, sigma_px, &gain);
+    if (!always && accuracy.camera_count < 2) return;
+    list->push_back(accuracy);
     // The largest grids have more than is needed: evenly chosen ones say as much.
     if (gain.size() > 0 && count_++ % stride_ == 0) {
+      places_.push_back({list, list->size() - 1});
       points_m_.push_back(point_m);
       noise_m2_.push_back(accuracy.noise_sigma_m.squaredNorm());
       in_frame_m2_.push_back((gain * rig_.covariance()).cwiseProduct(gain).sum());
       gains_.push_back(std::move(gain));
       if (points_m_.size() > kMaxSeen) Thin();
     }
-    return accuracy;
   }
 
-  // Free of the rig's frame.
+  // Free of the rig's frame. Also written into the points.
   CalibrationError Error() const {
     const auto rows = static_cast<Eigen::Index>(3 * gains_.size());
     PointGainMatrix all(rows, rig_.covariance().cols());
     for (size_t i = 0; i < gains_.size(); ++i) {
       all.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = gains_[i];
     }
-    return ComputeCalibrationError(points_m_, std::move(all), rig_.covariance());
+    CalibrationError error = ComputeCalibrationError(points_m_, std::move(all), rig_.covariance());
+    for (size_t i = 0; i < places_.size(); ++i) {
+      (*places_[i].list)[places_[i].index].calibration_sigma_m = error.sigma_m[i];
+    }
+    return error;
   }
   double NoiseRmsM() const { return std::sqrt(Mean(noise_m2_)); }
   // Of the calibration in the rig's frame.
@@ -187,6 +195,7 @@ class SeenPoints {
     size_t kept = 0;
     for (size_t i = 0; i < points_m_.size(); i += 2, ++kept) {
       points_m_[kept] = points_m_[i];
+      places_[kept] = places_[i];
       gains_[kept] = std::move(gains_[i]);
       noise_m2_[kept] = noise_m2_[i];
       in_frame_m2_[kept] = in_frame_m2_[i];
@@ -194,11 +203,19 @@ class SeenPoints {
     noise_m2_.resize(kept);
     in_frame_m2_.resize(kept);
     points_m_.resize(kept);
+    places_.resize(kept);
     gains_.resize(kept);
   }
 
+  // Where the accuracy of a point is.
+  struct Place {
+    std::vector<PointAccuracy>* list;
+    size_t index;
+  };
+
   const Rig& rig_;
   size_t count_ = 0, stride_ = 1;
+  std::vector<Place> places_;
   std::vector<Eigen::Vector3d> points_m_;
   std::vector<Eigen::Matrix3Xd> gains_;
   std::vector<double> noise_m2_, in_frame_m2_;  // by point: variance, three axes together
@@ -281,7 +298,7 @@ absl::StatusOr<Accuracy> ComputeAccuracy(const CalibrationResult& calibration,
   accuracy.scale_sigma_rel = calibration.target.scale_sigma_rel;
   SeenPoints seen(rig);
   for (const Eigen::Vector3d& point_m : options.points_m) {
-    accuracy.points.push_back(seen.Add(point_m, options.sigma_px));
+    seen.Add(point_m, options.sigma_px, true, &accuracy.points);
   }
   if (options.points_m.empty() || options.grid_step_m > 0) {
     if (!calibration.wand_volume) {
@@ -297,8 +314,7 @@ absl::StatusOr<Accuracy> ComputeAccuracy(const CalibrationResult& calibration,
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<Eigen::Vector3d> points,
                             GridPoints(volume, accuracy.grid_step_m));
     for (const Eigen::Vector3d& point_m : points) {
-      const PointAccuracy point = seen.Add(point_m, options.sigma_px);
-      if (point.camera_count >= 2) accuracy.grid.push_back(point);
+      seen.Add(point_m, options.sigma_px, false, &accuracy.grid);
     }
   }
   accuracy.shape = Summarise(accuracy, &PointAccuracy::shape_sigma_m);

@@ -31,6 +31,9 @@ struct PointAccuracy {
   Eigen::Vector3d noise_sigma_m = Eigen::Vector3d::Zero();  // from the centres' noise alone
   Eigen::Vector3d shape_sigma_m = Eigen::Vector3d::Zero();  // and from the calibration's, but scale
   Eigen::Vector3d sigma_m = Eigen::Vector3d::Zero();        // and from its scale
+  // The calibration's part alone, free of the rig's frame and of the scale (3-D). 0: the rays are
+  // almost parallel, or this point was left out among very many.
+  double calibration_sigma_m = 0;
 };
 
 struct AccuracySummary {
@@ -50,9 +53,9 @@ struct Accuracy {
   // Over points and grid: the calibration's part alone, free of the rig's frame and of the scale
   // (CalibrationError::p95_m); what a running estimate states. 0: no point.
   double calibration_p95_m = 0;
-  // One sigma (3-D), root mean square over the same points, of the parts of the error, whose squares
-  // add up: the calibration as before; the rig frame, which moves all points alike; the noise
-  // of the centres. The scale comes on top.
+  // One sigma (3-D), root mean square over the same points, of the parts of the error, whose
+  // squares add up: the calibration as before; the rig frame, which moves all points alike; the
+  // noise of the centres. The scale comes on top.
   double calibration_rms_m = 0, frame_rms_m = 0, noise_rms_m = 0;
 };
 

@@ -71,10 +71,12 @@ class ExportCalibration : public rigcal::testing::RpcFixture {
     return Ask<v1::GetResidualsResponse>(&v1::CalibrationService::Stub::GetResiduals, request);
   }
   absl::StatusOr<v1::ExportCalibrationResponse> Export(const std::string& id,
-                                                       const std::string& format) {
+                                                       const std::string& format,
+                                                       bool undistorted = false) {
     v1::ExportCalibrationRequest request;
     request.set_id(id);
     request.set_format(format);
+    request.set_undistorted(undistorted);
     return Ask<v1::ExportCalibrationResponse>(&v1::CalibrationService::Stub::ExportCalibration,
                                               request);
   }
@@ -162,6 +164,34 @@ TEST_F(ExportCalibration, GivesEachFormatAsAFile) {
   EXPECT_THAT(Export(id, "nothing"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("opencv, json")));
   EXPECT_THAT(Export("c-000404", "json"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("404")));
+}
+
+TEST_F(ExportCalibration, UndistortedIsAPinholeThatEveryFormatHolds) {
+  Calibration calibration = TwoCameras();
+  for (CalibratedCamera& camera : calibration.result->cameras) {
+    camera.intrinsics.distortion = {-0.3, 0.1, 0, 0, 0};
+  }
+  calibration.result->camera_covariance = {0.25, 0.125, 0.5};
+  const std::string id = Store(calibration);
+  for (const bool undistorted : {false, true}) {
+    v1::ListExportsRequest request;
+    request.set_id(id);
+    request.set_undistorted(undistorted);
+    ASSERT_OK_AND_ASSIGN(
+        const auto listed,
+        Ask<v1::ListExportsResponse>(&v1::CalibrationService::Stub::ListExports, request));
+    for (const v1::ExportFormat& format : listed.formats()) {
+      if (format.name() != "blender") continue;
+      EXPECT_EQ(format.problem().empty(), undistorted);
+    }
+  }
+  EXPECT_THAT(Export(id, "blender"),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("distortion")));
+  ASSERT_OK_AND_ASSIGN(const auto file, Export(id, "blender", true));
+  EXPECT_EQ(file.file_name(), id + "-blender-undistorted.py");
+  ASSERT_OK_AND_ASSIGN(const auto json, Export(id, "json", true));
+  EXPECT_EQ(json.content().find("-0.3"), std::string::npos);
+  EXPECT_EQ(json.content().find("camera_covariance"), std::string::npos);
 }
 
 TEST_F(ExportCalibration, RoutesServeTheFileWithItsNameAndType) {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Calls of the JSON API of the page's own server.
 import type {
-  Calibration, CalibrationOptions, ColourRange, CreateCalibrationResponse, CreateSessionRequest,
+  ActivateCalibrationResponse, Activation, Calibration, CalibrationOptions, ColourRange, CreateCalibrationResponse, CreateSessionRequest,
   CreateSessionResponse, CreateTokenRequest, CreateTokenResponse, Detector, DiscardSessionResponse,
   GetAccuracyResponse, GetCalibrationResponse, GetDetectorResponse, GetLiveResponse, GetResidualsResponse,
-  GetSessionResponse, GetStatusResponse, ListAgentsResponse, ListCalibrationsResponse, ListExportsResponse,
-  ListSessionsResponse, LiveState, Session,
+  GetSessionResponse, GetStatusResponse, ListActivationsResponse, ListAgentsResponse, ListCalibrationsResponse,
+  ListExportsResponse, ListRigsResponse, ListSessionsResponse, LiveState, RollbackRigResponse, Session,
   StartSessionResponse, StopSessionResponse,
 } from './types';
 
@@ -190,9 +190,9 @@ export async function getCalibration(id: string, signal?: AbortSignal): Promise<
 }
 
 /** Queues a calibration. */
-export async function createCalibration(sessionIds: string[], options?: CalibrationOptions):
+export async function createCalibration(sessionIds: string[], options?: CalibrationOptions, reason = ''):
   Promise<Calibration> {
-  const body = { session_ids: sessionIds, ...(options ? { options } : {}) };
+  const body = { session_ids: sessionIds, ...(options ? { options } : {}), ...(reason ? { reason } : {}) };
   return (await ask<CreateCalibrationResponse>('/v1/calibrations', { method: 'POST', body })).calibration ?? {};
 }
 
@@ -216,14 +216,36 @@ export function getResiduals(id: string, signal?: AbortSignal): Promise<GetResid
   return ask(`/v1/calibrations/${part(id)}/residuals`, { signal });
 }
 
-/** The formats in which a calibration can be exported. */
-export function listExports(id: string, signal?: AbortSignal): Promise<ListExportsResponse> {
-  return ask(`/v1/calibrations/${part(id)}/exports`, { signal });
+/** The formats in which a calibration can be exported, as it is or with pinholes for undistorted images. */
+export function listExports(id: string, undistorted: boolean, signal?: AbortSignal): Promise<ListExportsResponse> {
+  return ask(`/v1/calibrations/${part(id)}/exports${undistorted ? '?undistorted=true' : ''}`, { signal });
 }
 
 /** Where a calibration can be downloaded in a format. */
-export function exportAddress(id: string, format: string): string {
-  return `/v1/calibrations/${part(id)}/exports/${part(format)}`;
+export function exportAddress(id: string, format: string, undistorted: boolean): string {
+  return `/v1/calibrations/${part(id)}/exports/${part(format)}${undistorted ? '?undistorted=true' : ''}`;
+}
+
+/** All rigs, each with its active calibration. */
+export function listRigs(signal?: AbortSignal): Promise<ListRigsResponse> {
+  return ask('/v1/rigs', { signal });
+}
+
+/** Which calibrations of a rig were active, newest first. */
+export function listActivations(rig: string, signal?: AbortSignal): Promise<ListActivationsResponse> {
+  return ask(`/v1/rigs/${part(rig)}/activations`, { signal });
+}
+
+/** Makes a calibration the active one of its rig; forced, also one that is bad or has other cameras. */
+export async function activateCalibration(id: string, reason: string, force: boolean): Promise<Activation> {
+  return (await ask<ActivateCalibrationResponse>(`/v1/calibrations/${part(id)}:activate`,
+    { method: 'POST', body: { reason, force } })).activation ?? {};
+}
+
+/** Makes the calibration active again that was so before the present one. */
+export async function rollbackRig(rig: string, reason: string, force: boolean): Promise<Activation> {
+  return (await ask<RollbackRigResponse>(`/v1/rigs/${part(rig)}:rollback`, { method: 'POST', body: { reason, force } }))
+    .activation ?? {};
 }
 
 /** The agents that are or were connected. */
@@ -271,6 +293,19 @@ export function setDetectorColour(rig: string, camera: string, colour?: ColourRa
 /** Makes a join string. */
 export function createToken(request: CreateTokenRequest): Promise<CreateTokenResponse> {
   return ask('/v1/tokens', { method: 'POST', body: request });
+}
+
+/** Whether this person can make join strings here; '' : yes, else why not, and `loopback` where the server has no
+ * port for others. */
+export async function whyNobodyJoins(signal?: AbortSignal): Promise<{ loopback: boolean; problem: string }> {
+  try {
+    await call('/v1/tokens', { signal });
+    return { loopback: false, problem: '' };
+  } catch (error) {
+    if (error instanceof ApiError && error.code === 'FAILED_PRECONDITION') return { loopback: true, problem: error.message };
+    if (error instanceof ApiError && error.code === 'PERMISSION_DENIED') return { loopback: false, problem: error.message };
+    throw error;
+  }
 }
 
 /** Exchanges the token of a link for a cookie. */

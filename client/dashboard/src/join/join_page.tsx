@@ -2,10 +2,11 @@
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import { timeMs, toDuration } from '../api/json_values';
-import { createToken } from '../api/server_api';
+import { createToken, whyNobodyJoins } from '../api/server_api';
 import type { CreateTokenResponse, Role } from '../api/types';
 import { useFeed } from '../shell/feed_context';
-import { Chip, Copyable, Panel, WorkButton } from '../shell/parts';
+import { Chip, Copyable, Panel, Problem, WorkButton } from '../shell/parts';
+import { useLoaded } from '../shell/use_async';
 import { dateTime } from '../view/format';
 import { serverAddresses } from './join_string';
 import { QrCode } from './qr_code';
@@ -23,9 +24,37 @@ export function joinCommand(role: Role, joinString: string): string {
   return role === 'ROLE_AGENT' ? `rigcal-agent join ${joinString}` : `rigcal login ${joinString}`;
 }
 
+/** Which agents are here. */
+function Connected(): JSX.Element {
+  const { rig, stale } = useFeed();
+  return <Panel name="who" title="Connected now">
+      <ul class="plain">{rig.agents.map((agent) => <li key={agent.agent_id}>{stale ? <Chip mark="idle">not known</Chip>
+        : <Chip mark={agent.connected ? 'good' : 'bad'}>{agent.connected ? 'connected' : 'away'}</Chip>}
+        <b>{agent.agent_id}</b> <span class="hint">{agent.host}</span></li>)}</ul>
+      {rig.agents.length === 0 && <p class="empty">No agent yet. It appears here as soon as it has joined.</p>}
+    </Panel>;
+}
+
+/** What to do where this page cannot make a join string. */
+function CannotJoin({ loopback, problem }: { loopback: boolean; problem: string }): JSX.Element {
+  if (!loopback) {
+    return <Panel name="make" title="Join this server">
+      <p>Join strings are made by an admin: on the server's own PC, with this page or with <code>rigcal token create</code>.</p>
+      <p class="hint">{problem}</p></Panel>;
+  }
+  return <Panel name="make" title="This server is for its own PC only">
+    <p>Agents, commands and this page on the server's PC find it by themselves; nobody needs to join. To let other PCs and phones in,
+      end the server and start it with the same data folder and</p>
+    <Copyable text="rigcal-server --listen 0.0.0.0" label="Command" />
+    <ul class="steps"><li>It prints the address of this page for the network, <code>https://…:7421</code>.</li>
+      <li>A browser elsewhere warns of its certificate once, because the server has made it itself.</li>
+      <li>Then this page makes the join string of the next PC, and the link with QR code for a phone.</li></ul>
+    <p class="hint">Cameras on this PC need an agent only: <code>rigcal-agent --source …</code> (<code>rigcal-agent sources</code> lists what there is).</p>
+  </Panel>;
+}
+
 /** Brings the next PC, or the next person, to this server. */
 export function JoinPage(): JSX.Element {
-  const { rig } = useFeed();
   const [role, setRole] = useState<Role>('ROLE_AGENT');
   const [hours, setHours] = useState('1');
   const [name, setName] = useState('');
@@ -38,6 +67,8 @@ export function JoinPage(): JSX.Element {
     ?? serverAddresses(text)[0] ?? location.origin;
   // The token is in the hash, which browsers send to nobody.
   const link = made && made.role !== 'ROLE_AGENT' ? `${origin}/login#token=${text}` : '';
+  const may = useLoaded('join', (signal) => whyNobodyJoins(signal));
+  if (may.value && may.value.problem !== '') return <div class="join"><CannotJoin {...may.value} /><Connected /></div>;
   return <div class="join">
     <Panel name="make" title="Join this server">
       <fieldset><legend>Who joins</legend>
@@ -53,6 +84,7 @@ export function JoinPage(): JSX.Element {
       <WorkButton kind="primary" work={async () => {
         setMade({ role, response: await createToken({ role, name: name.trim() || undefined, ttl: toDuration(Number(hours) * 3600) }) });
       }}>Make a join string</WorkButton>
+      <Problem text={may.problem} />
       {local && <p class="hint">This page was opened on the server's own PC, where nobody needs to join:
         agents and commands on this PC find the server by themselves.</p>}
     </Panel>
@@ -65,12 +97,10 @@ export function JoinPage(): JSX.Element {
           <li>Whoever has it can join: show it to nobody else.</li>
           <li>{link === '' ? 'The QR code holds the same command, for a phone or a tablet that passes it on.'
             : 'A phone that scans the QR code opens this page.'}</li>
+          {link !== '' && <li>▲ The browser there warns of the certificate once, because the server has made it itself:
+            choose <b>Advanced</b>, then <b>Proceed</b> (Firefox: <b>Accept the Risk</b>; Safari: <b>Show Details</b>, then <b>visit this website</b>).</li>}
           {link !== '' && isOwnPc(new URL(link).hostname) && <li>▲ This link leads to this PC itself: the server listens on no address of the network.</li>}</ul></div>
     </Panel>}
-    <Panel name="who" title="Connected now">
-      <ul class="plain">{rig.agents.map((agent) => <li key={agent.agent_id}><Chip mark={agent.connected ? 'good' : 'bad'}>{agent.connected ? 'connected' : 'away'}</Chip>
-        <b>{agent.agent_id}</b> <span class="hint">{agent.host}</span></li>)}</ul>
-      {rig.agents.length === 0 && <p class="empty">No agent yet. It appears here as soon as it has joined.</p>}
-    </Panel>
+    <Connected />
   </div>;
 }

@@ -3,13 +3,14 @@
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import { timeMs, toCount } from '../api/json_values';
-import { createCalibration, deleteCalibration, deleteSession, discardSession, getSession, listCalibrations, listSessions } from '../api/server_api';
+import { createCalibration, deleteCalibration, deleteSession, discardSession, getSession, listCalibrations, listRigs, listSessions } from '../api/server_api';
 import type { Calibration, Session } from '../api/types';
 import { useFeedControl } from '../shell/feed_context';
 import { Chip, Confirm, Panel, Problem, WorkButton } from '../shell/parts';
 import { hashOf, type Route } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
-import { calibrationMark, calibrationSpan } from '../result/result_page';
+import { calibrationMark } from '../result/grade';
+import { calibrationSpan } from '../result/result_page';
 import { count, dateTime, fixed, missing, span } from '../view/format';
 import { targetText } from '../view/target_text';
 import { sessionState } from '../wave/session_controls';
@@ -66,6 +67,8 @@ export function RecordsPage({ route }: { route: Route }): JSX.Element {
     listSessions({ filter: filterText({ state: sessionFilter }), page_size: size.sessions }, signal), 5000);
   const calibrations = useLoaded(`calibrations ${calibrationFilter} ${size.calibrations}`, (signal) =>
     listCalibrations({ filter: filterText({ state: calibrationFilter }), page_size: size.calibrations }, signal), 5000);
+  const rigs = useLoaded('active', (signal) => listRigs(signal), 10000);
+  const active = new Set((rigs.value?.rigs ?? []).map((one) => one.active_calibration_id).filter(Boolean));
   const shownSessions = (sessions.value?.sessions ?? []).filter((one) => matches(text, [one.id, one.title, one.rig, targetText(one.target)]));
   const shownCalibrations = (calibrations.value?.calibrations ?? []).filter((one) => matches(text, [one.id, one.rig, ...(one.session_ids ?? [])]));
   const usable = [...chosen].filter((id) => shownSessions.some((one) => one.id === id && one.state === 'STATE_FINISHED' && !one.discard_time));
@@ -125,7 +128,7 @@ export function RecordsPage({ route }: { route: Route }): JSX.Element {
           const id = one.id ?? '';
           const [mark, word] = calibrationMark(one);
           const busy = one.state === 'STATE_QUEUED' || one.state === 'STATE_RUNNING';
-          return <tr key={id}><th scope="row"><a href={hashOf('result', id)}>{id}</a></th><td><Chip mark={mark}>{word}</Chip></td><td>{one.rig}</td>
+          return <tr key={id}><th scope="row"><a href={hashOf('result', id)}>{id}</a></th><td><Chip mark={mark}>{word}</Chip>{active.has(one.id) && <> <Chip mark="good">active</Chip></>}</td><td>{one.rig}</td>
             <td>{one.version}</td><td>{dateTime(timeMs(one.run?.create_time))}</td><td class="words">{(one.session_ids ?? []).join(', ')}</td>
             <td>{count(one.instant_count)}</td><td>{calibrationSpan(one)}</td>
             <td><button type="button" class="quiet" disabled={busy} aria-label={`Delete ${id}`} onClick={() => setDeletion({ kind: 'calibration', id })}>Delete</button></td></tr>;

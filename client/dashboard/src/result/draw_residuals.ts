@@ -48,7 +48,8 @@ export function drawResiduals(residuals: CameraResiduals, enlarged: number): Dra
     for (const outlier of [true, false]) {
       context.strokeStyle = outlier ? colours.bad : colours.accent;
       context.lineWidth = 1;
-      context.globalAlpha = outlier ? 0.7 : 1;
+      // What was left out is a hint, not the picture.
+      context.globalAlpha = outlier ? 0.28 : 1;
       context.beginPath();
       (residuals.x_px ?? []).forEach((x, i) => {
         if (Boolean(residuals.outlier?.[i]) !== outlier) return;

@@ -2,7 +2,7 @@
 import type { ComponentChildren, JSX } from 'preact';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import { durationSeconds, timeMs } from '../api/json_values';
-import { cancelCalibration, getAccuracy, getCalibration, listCalibrations } from '../api/server_api';
+import { cancelCalibration, getAccuracy, getCalibration, listCalibrations, listRigs } from '../api/server_api';
 import type { CalibratedCamera, Calibration, Finding } from '../api/types';
 import { SceneView } from '../scene/scene_view';
 import { Chip, Fact, type Mark, Meter, Panel, Problem, WorkButton } from '../shell/parts';
@@ -11,46 +11,47 @@ import { useLoaded } from '../shell/use_async';
 import { count, dateTime, enumWords, fixed, inMs, millimetres, missing, percent, span } from '../view/format';
 import { modelOfCalibration } from '../view/rig_model';
 import { otherTargetText } from '../view/target_text';
+import { Activate, ActiveHistory } from './activate';
 import { ResidualChart, TimeOffsetChart } from './charts';
 import { compareCalibrations } from './compare';
 import { Downloads } from './downloads';
+import { frameName, FramePanel } from './frame_panel';
+import { goalOf } from './goal';
+import { calibrationMark, gradeOf } from './grade';
 import { ResidualVectors } from './residual_panel';
-
-const grades: Record<string, readonly [Mark, string]> = {
-  GRADE_GOOD: ['good', 'good: use it'], GRADE_USABLE: ['warn', 'usable, aware of the reasons'],
-  GRADE_BAD: ['bad', 'bad: do not use it'],
-};
-
-/** Symbol and words of a calibration's state, or of its grade once it has one. */
-export function calibrationMark(calibration: Calibration): readonly [Mark, string] {
-  const grade = grades[calibration.quality?.grade ?? ''];
-  if (calibration.state === 'STATE_SUCCEEDED') return grade ? [grade[0], grade[1].split(/[:,]/)[0]!] : ['good', 'succeeded'];
-  if (calibration.state === 'STATE_FAILED') return ['bad', 'failed'];
-  return calibration.state === 'STATE_RUNNING' ? ['live', 'running'] : ['idle', 'queued'];
-}
 
 /** A calibration with all that is known of its quality; without an id the newest of the rig. */
 export function ResultPage({ route, theme }: { route: Route; theme: string }): JSX.Element {
   const list = useLoaded('calibrations', (signal) => listCalibrations({ page_size: 200 }, signal), 10000);
   const all = list.value?.calibrations ?? [];
   const id = route.id || all.find((one) => one.state === 'STATE_SUCCEEDED')?.id || all[0]?.id || '';
+  const [turn, setTurn] = useState(0);
+  const rigs = useLoaded(`active ${turn}`, (signal) => listRigs(signal), 10000);
+  const active = new Set((rigs.value?.rigs ?? []).map((one) => one.active_calibration_id).filter(Boolean));
   return <div class="result">
     <div class="bar">
       <label>Calibration <select value={id} onChange={(event) => { location.hash = hashOf('result', event.currentTarget.value); }}>
         {!all.some((one) => one.id === id) && <option value={id}>{id || 'none yet'}</option>}
         {all.map((one) => <option key={one.id} value={one.id}>
-          {one.id} · {one.rig} v{one.version} · {calibrationMark(one)[1]} · {dateTime(timeMs(one.run?.create_time))}</option>)}
+          {one.id} · {one.rig} v{one.version} · {calibrationMark(one)[1]}{active.has(one.id) ? ' · active' : ''} · {dateTime(timeMs(one.run?.create_time))}</option>)}
       </select></label>
     </div>
     <Problem text={list.problem} />
-    {id !== '' ? <Result key={id} id={id} others={all} withId={route.parameters.get('with') ?? ''} theme={theme} onEnd={list.reload} />
+    {id !== '' ? <Result key={id} id={id} others={all} withId={route.parameters.get('with') ?? ''} theme={theme} onEnd={list.reload}
+      turn={turn} onActive={() => setTurn((now) => now + 1)} />
       : !list.loading && <p class="empty">There is no calibration yet. <a href={hashOf('wave')}>Capture a session</a>, then calibrate.</p>}
   </div>;
 }
 
-function Result({ id, others, withId, theme, onEnd }: {
+interface Actives {
+  /** Grows when another calibration has become active. */
+  turn: number;
+  onActive: () => void;
+}
+
+function Result({ id, others, withId, theme, onEnd, ...actives }: {
   id: string; others: readonly Calibration[]; withId: string; theme: string; onEnd: () => void;
-}): JSX.Element {
+} & Actives): JSX.Element {
   const [ended, setEnded] = useState(false);
   const loaded = useLoaded(id, (signal) => getCalibration(id, signal), ended ? 0 : 700);
   const calibration = loaded.value;
@@ -76,17 +77,18 @@ function Result({ id, others, withId, theme, onEnd }: {
       <p class="problem"><span aria-hidden="true">✕</span> {calibration.error}</p>
       <p>Sessions: {(calibration.session_ids ?? []).join(', ')}</p></Panel>;
   }
-  return <Succeeded calibration={calibration} others={others} withId={withId} theme={theme} />;
+  return <Succeeded calibration={calibration} others={others} withId={withId} theme={theme} {...actives} />;
 }
 
-function Succeeded({ calibration, others, withId, theme }: {
+function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
   calibration: Calibration; others: readonly Calibration[]; withId: string; theme: string;
-}): JSX.Element {
+} & Actives): JSX.Element {
   const id = calibration.id ?? '';
   const accuracy = useLoaded(`accuracy ${id}`, (signal) => getAccuracy(id, signal));
   const model = useMemo(() => modelOfCalibration(calibration, accuracy.value), [calibration, accuracy.value]);
   const cameras = calibration.cameras ?? [];
-  const [mark, words] = grades[calibration.quality?.grade ?? ''] ?? ['idle', 'not graded'];
+  const [mark, words] = gradeOf(calibration);
+  const goal = useLoaded(`goal of ${id}`, (signal) => goalOf(calibration, signal));
   const shape = accuracy.value?.shape;
   const unit = calibration.scale_known ? 'mm' : 'of an unknown scale';
   return <>
@@ -104,12 +106,15 @@ function Succeeded({ calibration, others, withId, theme }: {
         <Fact name="length error RMS">{calibration.target?.length_error_rms_m ? `${millimetres(calibration.target.length_error_rms_m * 1e3)} ${unit}` : missing}</Fact>
         <Fact name="instants">{count(calibration.instant_count)}</Fact>
         <Fact name="cameras">{cameras.length}</Fact>
-        <Fact name="reference">{calibration.reference_camera ?? missing}</Fact>
+        <Fact name="frame">{frameName(calibration)}</Fact>
         <Fact name="sessions">{(calibration.session_ids ?? []).join(', ')}</Fact>
         <Fact name="solved in">{fixed(durationSeconds(calibration.run?.solve_duration), 1)} s</Fact>
         <Fact name="made">{dateTime(timeMs(calibration.run?.end_time))}</Fact>
       </dl>
       {accuracy.problem !== '' && <p class="hint">Expected errors: {accuracy.problem}</p>}
+      <div class="buttons use"><Activate key={turn} calibration={calibration} onChange={onActive} />
+        {([['frame', 'Floor and origin'], ['downloads', 'Downloads']] as const).map(([panel, words]) =>
+          <button key={panel} type="button" onClick={() => document.querySelector(`.panel.${panel}`)?.scrollIntoView()}>{words}</button>)}</div>
     </Panel>
     <Panel name="findings" title={`Findings (${calibration.findings?.length ?? 0})`}>
       {!calibration.findings?.length && <p><Chip mark="good">Nothing found</Chip></p>}
@@ -121,11 +126,13 @@ function Succeeded({ calibration, others, withId, theme }: {
     <Panel name="offsets" title="Time offsets"><TimeOffsetChart cameras={cameras} /></Panel>
     </div>
     <Panel name="space" title="Rig">
-      <SceneView model={model} targetMm={undefined} theme={theme} label="Cameras, their uncertainty, and the expected error"
+      <SceneView model={model} goalMm={goal.value} theme={theme} label="Cameras, their uncertainty, and the expected error"
         note={model.ellipsoids.size > 0 ? 'blue: position sigmas, enlarged' : ''} />
     </Panel>
     <Panel name="vectors" title="Residuals over the image"><ResidualVectors id={id} theme={theme} /></Panel>
-    <div class="pair">
+    <div class="pair finish">
+    <FramePanel key={id} calibration={calibration} />
+    <ActiveHistory rig={calibration.rig ?? ''} turn={turn} onChange={onActive} />
     <Panel name="target" title="Wand">
       <div class="scroll" tabIndex={0} role="region" aria-label="Spans of the wand"><table>
         <thead><tr><th scope="col">span, mm</th><th scope="col">mean error, mm</th><th scope="col">RMS, mm</th><th scope="col">held out RMS, mm</th><th scope="col">measured</th></tr></thead>
@@ -136,10 +143,10 @@ function Succeeded({ calibration, others, withId, theme }: {
       </table></div>
       {(calibration.other_targets ?? []).map((one, i) => <p class="hint" key={i}>{otherTargetText(one)}</p>)}
     </Panel>
+    </div>
     <Panel name="downloads" title="Downloads">
       <Downloads id={id} accuracy={accuracy.value} />
     </Panel>
-    </div>
     <Compare calibration={calibration} others={others} withId={withId} />
   </>;
 }

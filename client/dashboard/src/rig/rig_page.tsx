@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 import type { JSX } from 'preact';
-import { useEffect, useRef, useState } from 'preact/hooks';
+import { useEffect, useState } from 'preact/hooks';
 import { timeMs, toCount } from '../api/json_values';
-import { ApiError, getPreview, listAgents } from '../api/server_api';
+import { listAgents } from '../api/server_api';
 import type { Agent, CameraDescription, LiveCamera } from '../api/types';
 import { useFeed } from '../shell/feed_context';
 import { Chip, Meter, Panel, Problem } from '../shell/parts';
@@ -12,58 +12,7 @@ import { whileVisible } from '../shell/visible';
 import { bytes, count, dateTime, fixed, missing, seconds, span } from '../view/format';
 import { cameraState } from '../wave/camera_tile';
 import { DetectorDialog } from './detector_dialog';
-import { PreviewQueue } from './preview_queue';
-
-const queue = new PreviewQueue();
-
-/** A preview that renews itself while it is on the screen. A camera that gives none is asked again when `state`
- * changes: its session, its agent. */
-function Preview({ rig, camera, state }: { rig: string; camera: string; state: string }): JSX.Element {
-  const image = useRef<HTMLImageElement>(null);
-  const [problem, setProblem] = useState('waiting for a first image');
-  useEffect(() => {
-    const element = image.current;
-    if (!element) return undefined;
-    const key = `${rig}/${camera}`;
-    const abort = new AbortController();
-    let shown = '';
-    const load = async (): Promise<'none' | void> => {
-      if (document.visibilityState === 'hidden') return undefined;
-      try {
-        const blob = await getPreview(rig, camera, abort.signal);
-        if (abort.signal.aborted) return undefined;
-        const before = shown;
-        shown = URL.createObjectURL(blob);
-        element.src = shown;
-        await element.decode();
-        if (before) URL.revokeObjectURL(before);
-        setProblem('');
-      } catch (error) {
-        if (abort.signal.aborted) return undefined;
-        setProblem(error instanceof ApiError ? error.message : 'the preview is no image');
-        if (error instanceof ApiError && error.code === 'FAILED_PRECONDITION') return 'none';
-      }
-      return undefined;
-    };
-    const observer = new IntersectionObserver(([entry]) => {
-      if (entry?.isIntersecting) queue.add(key, load);
-      else queue.remove(key);
-    });
-    observer.observe(element);
-    return () => {
-      abort.abort();
-      observer.disconnect();
-      queue.remove(key);
-      element.removeAttribute('src');
-      if (shown) URL.revokeObjectURL(shown);
-    };
-  }, [rig, camera]);
-  useEffect(() => queue.wake(`${rig}/${camera}`), [rig, camera, state]);
-  return <div class="preview">
-    <img ref={image} alt={`What ${camera} sees`} class={problem === '' ? '' : 'none'} />
-    {problem !== '' && <p>{problem}</p>}
-  </div>;
-}
+import { Preview } from './preview';
 
 const sensors: Record<string, string> = { SENSOR_FRAME: 'frame camera', SENSOR_EVENT: 'event camera' };
 
@@ -101,13 +50,14 @@ function CameraCard({ live, description, rig, stale, session }: {
   </li>;
 }
 
-function AgentRow({ agent, connected }: { agent: Agent; connected: boolean }): JSX.Element {
+/** An agent; `connected` is undefined where the server does not answer. */
+function AgentRow({ agent, connected }: { agent: Agent; connected: boolean | undefined }): JSX.Element {
   const spool = agent.spool;
   const [used, limit] = [toCount(spool?.bytes), toCount(spool?.limit_bytes)];
   return <tr>
     <th scope="row">{agent.agent_id}</th>
-    <td><Chip mark={connected ? 'good' : 'bad'}>{connected ? 'connected' : 'away'}</Chip>
-      {!connected && agent.disconnect_time && <span class="hint"> since {dateTime(timeMs(agent.disconnect_time))}</span>}</td>
+    <td>{connected === undefined ? <Chip mark="idle">not known</Chip> : <Chip mark={connected ? 'good' : 'bad'}>{connected ? 'connected' : 'away'}</Chip>}
+      {connected === false && agent.disconnect_time && <span class="hint"> since {dateTime(timeMs(agent.disconnect_time))}</span>}</td>
     <td>{agent.host}</td><td>{agent.rig}</td><td>{agent.cameras?.length ?? 0}</td>
     <td>{count(toCount(spool?.row_count))}</td>
     <td>{limit > 0 ? <><Meter share={used / limit} label={`Spool of ${agent.agent_id}`} /> {bytes(used)} of {bytes(limit)}</> : missing}
@@ -138,7 +88,7 @@ export function RigPage(): JSX.Element {
         <thead><tr><th scope="col">agent</th><th scope="col">state</th><th scope="col">PC</th><th scope="col">rig</th><th scope="col">cameras</th>
           <th scope="col">waiting</th><th scope="col">spool</th><th scope="col">version</th></tr></thead>
         <tbody>{all.map((agent) => <AgentRow key={agent.agent_id} agent={agent}
-          connected={!stale && (connected.get(agent.agent_id) ?? agent.connected ?? false)} />)}</tbody>
+          connected={stale ? undefined : connected.get(agent.agent_id) ?? agent.connected ?? false} />)}</tbody>
       </table></div>}
       {all.length === 0 && !agents.loading && <p class="empty">No agent is connected. <a href={hashOf('join')}>Connect a PC</a></p>}
     </Panel>

@@ -3,26 +3,28 @@ import type { JSX } from 'preact';
 import { useCallback, useEffect, useRef, useState } from 'preact/hooks';
 import { Canvas } from '../shell/canvas';
 import { changeSettings, readSettings } from '../shell/settings';
-import { errorQuality, qualityRgb, rgbText } from '../view/colour_scale';
-import { millimetres } from '../view/format';
-import { type RigModel, wantedMm } from '../view/rig_model';
+import { errorQuality, qualityRgb, rgbText, wantedMm } from '../view/colour_scale';
+import { fixed, millimetres } from '../view/format';
+import type { RigModel } from '../view/rig_model';
 import { drawPlan } from './draw_plan';
 import type { WebGlScene } from './webgl_scene';
 
 interface Props {
   model: RigModel;
-  targetMm: number | undefined;
+  goalMm: number | undefined;
   theme: string;
   label: string;
   /** What the accent colour stands for. */
   note: string;
 }
 
-function ThreeD({ model, targetMm, label, onFail }: Omit<Props, 'note'> & { onFail: () => void }): JSX.Element {
+function ThreeD({ model, goalMm, label, onFail, onSlow }: Omit<Props, 'note'> & {
+  onFail: () => void; onSlow: ((ms: number) => void) | undefined;
+}): JSX.Element {
   const box = useRef<HTMLDivElement>(null);
   const scene = useRef<WebGlScene>();
-  const latest = useRef({ model, targetMm });
-  latest.current = { model, targetMm };
+  const latest = useRef({ model, goalMm });
+  latest.current = { model, goalMm };
   useEffect(() => {
     const element = box.current;
     if (!element) return undefined;
@@ -38,9 +40,9 @@ function ThreeD({ model, targetMm, label, onFail }: Omit<Props, 'note'> & { onFa
       try {
         const module = await import('./webgl_scene');
         if (gone) return;
-        scene.current = new module.WebGlScene(canvas);
+        scene.current = new module.WebGlScene(canvas, onSlow);
         scene.current.resize(element.clientWidth, element.clientHeight);
-        scene.current.show(latest.current.model, latest.current.targetMm);
+        scene.current.show(latest.current.model, latest.current.goalMm);
         observer.observe(element);
       } catch {
         if (!gone) onFail();
@@ -59,18 +61,18 @@ function ThreeD({ model, targetMm, label, onFail }: Omit<Props, 'note'> & { onFa
       canvas.remove();
     };
   }, []);
-  useEffect(() => scene.current?.show(model, targetMm), [model, targetMm]);
+  useEffect(() => scene.current?.show(model, goalMm), [model, goalMm]);
   return <>
     <div class="scene" ref={box} />
     <button type="button" class="quiet corner" onClick={() => scene.current?.reset(model)}>Show all</button>
   </>;
 }
 
-function Plan({ model, targetMm, theme, label }: Omit<Props, 'note'>): JSX.Element {
+function Plan({ model, goalMm, theme, label }: Omit<Props, 'note'>): JSX.Element {
   const top = useCallback((context: CanvasRenderingContext2D, width: number, height: number) =>
-    drawPlan(context, width, height, model, 'top', targetMm), [model, targetMm, theme]);
+    drawPlan(context, width, height, model, 'top', goalMm), [model, goalMm, theme]);
   const side = useCallback((context: CanvasRenderingContext2D, width: number, height: number) =>
-    drawPlan(context, width, height, model, 'side', targetMm), [model, targetMm, theme]);
+    drawPlan(context, width, height, model, 'side', goalMm), [model, goalMm, theme]);
   return <div class="plans"><Canvas draw={top} label={`${label}, from above`} />
     <Canvas draw={side} label={`${label}, from the side`} /></div>;
 }
@@ -85,9 +87,12 @@ function hasWebGl(): boolean {
 }
 
 let webGl: boolean | undefined;
+/** A picture in 3-D took so long here, ms; asked for again by a person it is drawn nevertheless. */
+let slow: number | undefined;
+let insisted = false;
 
 /** The rig in 3-D, or from above and from the side: where there is no WebGL, or by choice. */
-export function SceneView({ model, targetMm, theme, label, note }: Props): JSX.Element {
+export function SceneView({ model, goalMm, theme, label, note }: Props): JSX.Element {
   webGl ??= hasWebGl();
   const [usable, setUsable] = useState(webGl);
   const [choice, setChoice] = useState(readSettings().scene);
@@ -95,21 +100,32 @@ export function SceneView({ model, targetMm, theme, label, note }: Props): JSX.E
     webGl = false;
     setUsable(false);
   }, []);
-  const choose = (scene: '3d' | 'plan') => setChoice(changeSettings({ scene }).scene);
-  const shown = usable ? choice : 'plan';
-  const wanted = wantedMm(targetMm, model.places);
+  const [slowMs, setSlowMs] = useState(slow);
+  const fallBack = useCallback((ms: number) => {
+    slow = ms;
+    setSlowMs(ms);
+  }, []);
+  const choose = (scene: '3d' | 'plan') => {
+    if (scene === '3d' && slow !== undefined) insisted = true;
+    setSlowMs(insisted ? undefined : slow);
+    setChoice(changeSettings({ scene }).scene);
+  };
+  const shown = usable && (slowMs === undefined || insisted) ? choice : 'plan';
+  const wanted = wantedMm(goalMm);
   return <div class="sceneview">
     <div class="toggle" role="group" aria-label="View">
       <button type="button" aria-pressed={shown === '3d'} disabled={!usable} onClick={() => choose('3d')}>3-D</button>
       <button type="button" aria-pressed={shown === 'plan'} onClick={() => choose('plan')}>Top and side</button>
-      {!usable && <span class="hint">This browser has no WebGL.</span>}
+      {!usable ? <span class="hint">This browser has no WebGL.</span>
+        : slowMs !== undefined && !insisted && <span class="hint" role="status">3-D is slow here: {fixed(slowMs / 1000, 1)} s a picture.</span>}
     </div>
     <div class="stage">
       {model.cameras.length === 0 ? <p class="empty">Drawn once there is a first solution.</p>
-        : shown === '3d' ? <ThreeD key={theme} model={model} targetMm={targetMm} theme={theme} label={label} onFail={fail} />
-          : <Plan model={model} targetMm={targetMm} theme={theme} label={label} />}
+        : shown === '3d' ? <ThreeD key={theme} model={model} goalMm={goalMm} theme={theme} label={label} onFail={fail}
+          onSlow={insisted ? undefined : fallBack} />
+          : <Plan model={model} goalMm={goalMm} theme={theme} label={label} />}
     </div>
-    {model.places.length > 0 && <ErrorLegend wanted={wanted} note={note} />}
+    {model.places.length > 0 && <ErrorLegend wanted={wanted} note={[note, shown === '3d' ? 'grid: 0.5 m' : ''].filter(Boolean).join(' · ')} />}
   </div>;
 }
 

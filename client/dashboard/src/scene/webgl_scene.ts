@@ -8,11 +8,16 @@ import {
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { palette } from '../shell/palette';
-import { errorQuality, qualityRgb } from '../view/colour_scale';
+import { errorQuality, qualityRgb, wantedMm } from '../view/colour_scale';
 import { add, boxOf, type DrawnCamera, scale, type Vec3 } from '../view/geometry';
-import { type RigModel, wantedMm } from '../view/rig_model';
+import type { RigModel } from '../view/rig_model';
 
 const maxPlaces = 4096;
+/** Edge of a cell of the grid on the floor, metres. */
+export const gridCellM = 0.5;
+/** So many pictures are timed, and slower ones than this are of no use, ms. */
+const timedPictures = 3;
+const slowMs = 400;
 
 // Room (x right, y forward, z up) to three.js (y up).
 const place = ([x, y, z]: Vec3): Vector3 => new Vector3(x, z, -y);
@@ -58,8 +63,12 @@ export class WebGlScene {
   private readonly labels: Sprite[] = [];
   private labelHeight = 0.04;
   private asked = 0;
+  private readonly axes = new Group();
+  private readonly times: number[] = [];
+  private timed = false;
 
-  constructor(canvas: HTMLCanvasElement) {
+  /** `onSlow` is called where a picture takes too long, with its milliseconds. */
+  constructor(canvas: HTMLCanvasElement, private readonly onSlow: ((ms: number) => void) | undefined) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: 'low-power' });
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
     const colours = palette();
@@ -71,8 +80,8 @@ export class WebGlScene {
     this.scene.add(new AmbientLight(0xffffff, 1.6));
     const sun = new DirectionalLight(0xffffff, 1.8);
     sun.position.set(1, 3, 2);
-    this.scene.add(sun, this.cameraGroup, this.marks);
-    this.grid = new GridHelper(10, 20, new Color(colours.faint), new Color(colours.line));
+    this.scene.add(sun, this.cameraGroup, this.marks, this.axes);
+    this.grid = new GridHelper(10, 10 / gridCellM, new Color(colours.faint), new Color(colours.line));
     this.grid.visible = false;
     this.scene.add(this.grid);
     this.places = new InstancedMesh(new OctahedronGeometry(1),
@@ -105,8 +114,9 @@ export class WebGlScene {
     this.renderer.setSize(width, height, false);
     this.eye.aspect = width / height;
     this.eye.updateProjectionMatrix();
-    // Names are 15 px high, however far away.
-    this.labelHeight = (20 / height) * 2 * Math.tan((this.eye.fov * Math.PI) / 360);
+    // Names are as high as the text of the page, however far away.
+    const textPx = Math.max(15, parseFloat(getComputedStyle(document.documentElement).fontSize) || 0);
+    this.labelHeight = ((1.35 * textPx) / height) * 2 * Math.tan((this.eye.fov * Math.PI) / 360);
     this.labels.forEach((label) => this.sizeLabel(label));
     if (!this.touched) this.framed = '';
     if (this.model) this.frame(this.model);
@@ -118,11 +128,11 @@ export class WebGlScene {
   }
 
   /** Shows a model. What did not change is not made anew. */
-  show(model: RigModel, targetMm: number | undefined): void {
+  show(model: RigModel, goalMm: number | undefined): void {
     this.model = model;
-    const key = JSON.stringify([model.cameras, [...model.ellipsoids]]);
+    const key = JSON.stringify([model.cameras, [...model.ellipsoids], model.frame]);
     if (key !== this.cameraKey) this.showCameras(model, key);
-    const wanted = wantedMm(targetMm, model.places);
+    const wanted = wantedMm(goalMm);
     if (model.places !== this.placesOf || wanted !== this.wanted) this.showPlaces(model, wanted);
     const line = this.wandLine.geometry.getAttribute('position') as BufferAttribute;
     const wand = model.wand.slice(0, 16);
@@ -193,6 +203,23 @@ export class WebGlScene {
       this.cameraGroup.add(ball);
     }
     this.scene.add(this.cameraGroup);
+    this.showAxes(model, size * 0.12, colours.ink);
+  }
+
+  /** The axes of the rig frame. */
+  private showAxes(model: RigModel, long: number, ink: string): void {
+    free(this.axes);
+    this.axes.clear();
+    const { origin, axes } = model.frame;
+    this.axes.add(new LineSegments(lineGeometry(axes.flatMap((axis) => [origin, add(origin, scale(axis, long))])),
+      new LineBasicMaterial({ color: new Color(ink) })));
+    for (const [k, name] of (['x', 'y', 'z'] as const).entries()) {
+      const label = textSprite(name, ink);
+      this.sizeLabel(label);
+      this.labels.push(label);
+      label.position.copy(place(add(origin, scale(axes[k]!, long * 1.12))));
+      this.axes.add(label);
+    }
   }
 
   /** Looks at everything, until the person has turned the view. */
@@ -202,7 +229,7 @@ export class WebGlScene {
     const size = Math.max(1, ...box.max.map((v, k) => v - box.min[k]!));
     const centre = place(scale(add(box.min, box.max), 0.5));
     this.grid.visible = true;
-    this.grid.position.set(Math.round(centre.x), Math.min(box.min[2], 0), Math.round(centre.z));
+    this.grid.position.set(Math.round(centre.x), model.frameIsSet ? 0 : Math.min(box.min[2], 0), Math.round(centre.z));
     const grows = `${Math.round(Math.log2(size) * 2)} ${model.cameras.length}`;
     if (this.touched || grows === this.framed) return;
     this.framed = grows;
@@ -223,9 +250,27 @@ export class WebGlScene {
     if (this.asked) return;
     this.asked = requestAnimationFrame(() => {
       this.asked = 0;
+      const began = performance.now();
       this.renderer.render(this.scene, this.eye);
+      if (this.onSlow && this.model && !this.timed) this.time(began, this.onSlow);
     });
   };
+
+  /** How long a picture takes is known once a pixel of it has been read. */
+  private time(began: number, onSlow: (ms: number) => void): void {
+    const gl = this.renderer.getContext();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    this.times.push(performance.now() - began);
+    // The first one makes the shaders.
+    const [, ...later] = this.times;
+    this.timed = later.length + 1 >= timedPictures || later.some((ms) => ms < slowMs / 4);
+    if (!this.timed) {
+      this.draw();
+      return;
+    }
+    const fastest = Math.min(...later);
+    if (fastest > slowMs) onSlow(fastest);
+  }
 
   dispose(): void {
     cancelAnimationFrame(this.asked);

@@ -9,14 +9,23 @@ export interface Settings {
   /** Spoken advice in the distance mode. */
   speech: boolean;
   rig: string;
-  target: string;
+  /** The target of the last session that was started here, as fields; empty: none was. */
+  targetKind: string;
+  markers: string;
+  diameter: string;
+  blinkHz: string;
+  tolerance: string;
+  points: string;
   untilMm: string;
   minSeconds: string;
   scene: '3d' | 'plan';
+  /** Pictures of the cameras on the Wave page. */
+  pictures: boolean;
 }
 
 const defaults: Settings = {
-  theme: 'dark', beeps: true, speech: false, rig: '', target: '', untilMm: '0.5', minSeconds: '20', scene: '3d',
+  theme: 'dark', beeps: true, speech: false, rig: '', targetKind: '', markers: '', diameter: '', blinkHz: '',
+  tolerance: '', points: '', untilMm: '0.5', minSeconds: '20', scene: '3d', pictures: true,
 };
 const key = 'rigcal';
 

@@ -41,6 +41,15 @@ export function countQuality(value: number, goal: number): number {
   return goal <= 0 ? 0 : Math.min(1, Math.sqrt(Math.max(0, value) / goal));
 }
 
+/** What is wanted where no goal is set, millimetres. */
+const usualWantedMm = 0.5;
+
+/** The error in millimetres that colours are made for: the goal, else always the same, so that a colour means the
+ * same on every page and at any time. */
+export function wantedMm(goalMm: number | undefined): number {
+  return goalMm && goalMm > 0 ? goalMm : usualWantedMm;
+}
+
 /** Quality of an error against what is wanted: 1 at half of it or below, 0 at four times or above. */
 export function errorQuality(value: number, wanted: number): number {
   if (!(value > 0) || !(wanted > 0)) return 0;

@@ -24,7 +24,19 @@ export interface RigModel {
   advice: Vec3[];
   /** By camera: one sigma of its centre along the axes of the rig frame, as three half axes. */
   ellipsoids: Map<string, readonly [Vec3, Vec3, Vec3]>;
+  /** The rig frame: its origin, and its axes of length 1. */
+  frame: { origin: Vec3; axes: readonly [Vec3, Vec3, Vec3] };
+  /** Somebody has set that frame: z is up, and z = 0 is the floor. */
+  frameIsSet: boolean;
 }
+
+/** z is up already. */
+const asItIs: Mat3 = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+/** Frames that nobody has set: those of a camera. */
+const ofACamera: readonly unknown[] = [undefined, 'FRAME_SOURCE_UNSPECIFIED', 'FRAME_SOURCE_NOT_KEPT'];
+
+const frameIn = (room: Mat3): RigModel['frame'] =>
+  ({ origin: [0, 0, 0], axes: [times(room, [1, 0, 0]), times(room, [0, 1, 0]), times(room, [0, 0, 1])] });
 
 function intoRoom(room: Mat3, cameras: DrawnCamera[]): DrawnCamera[] {
   return cameras.map((camera) => {
@@ -37,8 +49,8 @@ function intoRoom(room: Mat3, cameras: DrawnCamera[]): DrawnCamera[] {
 
 const isCamera = (camera: DrawnCamera | undefined): camera is DrawnCamera => camera !== undefined;
 
-/** The model of the running estimate. */
-export function modelOfEstimate(estimate: LiveEstimate | undefined, live: readonly LiveCamera[]): RigModel {
+/** The model of the running estimate. Where nobody waves, there is neither a wand nor a place to wave at. */
+export function modelOfEstimate(estimate: LiveEstimate | undefined, live: readonly LiveCamera[], waving = true): RigModel {
   const sizes = new Map(live.map((camera) => [camera.camera, camera.image_size_px]));
   const cameras = (estimate?.cameras ?? []).map((camera) => {
     const size = sizes.get(camera.camera);
@@ -61,11 +73,11 @@ export function modelOfEstimate(estimate: LiveEstimate | undefined, live: readon
   }
   return {
     cameras: intoRoom(room, cameras), places, stepM: step,
-    wand: (estimate?.wand_m ?? []).map((point) => times(room, toVec3(point))),
+    wand: (waving ? estimate?.wand_m ?? [] : []).map((point) => times(room, toVec3(point))),
     worst: volume?.worst_point_m ? times(room, toVec3(volume.worst_point_m)) : undefined,
-    advice: (estimate?.advice ?? []).filter((advice) => advice.point_m)
+    advice: (waving ? estimate?.advice ?? [] : []).filter((advice) => advice.point_m)
       .map((advice) => times(room, toVec3(advice.point_m))),
-    ellipsoids: new Map(),
+    ellipsoids: new Map(), frame: frameIn(room), frameIsSet: false,
   };
 }
 
@@ -74,7 +86,8 @@ export function modelOfCalibration(calibration: Calibration, accuracy: GetAccura
   const drawn = (calibration.cameras ?? []).map((camera) => drawnCamera(camera.camera ?? '',
     camera.cam_from_rig, camera.image_size_px?.width ?? 0, camera.image_size_px?.height ?? 0,
     camera.intrinsics?.fx_px ?? 0)).filter(isCamera);
-  const room = roomFromRig(drawn);
+  const frameIsSet = !ofACamera.includes(calibration.frame?.source);
+  const room = frameIsSet ? asItIs : roomFromRig(drawn);
   const ellipsoids = new Map<string, readonly [Vec3, Vec3, Vec3]>();
   for (const camera of calibration.cameras ?? []) {
     const sigma = camera.uncertainty?.position_sigma_m;
@@ -82,22 +95,18 @@ export function modelOfCalibration(calibration: Calibration, accuracy: GetAccura
     ellipsoids.set(camera.camera ?? '', [times(room, [sigma.x ?? 0, 0, 0]), times(room, [0, sigma.y ?? 0, 0]),
       times(room, [0, 0, sigma.z ?? 0])]);
   }
+  // The same figure as that of a running estimate, so that a place has one colour on both pages.
+  const places = (accuracy?.grid ?? []).filter((point) => (point.calibration_total_m ?? 0) > 0).map((point): ErrorPlace => ({
+    at: times(room, toVec3(point.point_m)), sigmaMm: (point.calibration_total_m ?? 0) * 1e3, waved: true }));
+  const worst = places.reduce<ErrorPlace | undefined>((most, one) => (most && most.sigmaMm >= one.sigmaMm ? most : one), undefined);
   return {
     cameras: intoRoom(room, drawn),
-    places: (accuracy?.grid ?? []).filter((point) => (point.shape_total_m ?? 0) > 0).map((point) => ({
-      at: times(room, toVec3(point.point_m)), sigmaMm: (point.shape_total_m ?? 0) * 1e3, waved: true })),
+    places,
     stepM: accuracy?.grid_step_m ?? 0,
     wand: [],
-    worst: accuracy?.shape?.worst_point_m ? times(room, toVec3(accuracy.shape.worst_point_m)) : undefined,
+    worst: worst?.at,
     advice: [],
-    ellipsoids,
+    ellipsoids, frame: frameIn(room), frameIsSet,
   };
 }
 
-/** The error that separates good from bad in a picture: the target, else the median of the places. */
-export function wantedMm(targetMm: number | undefined, places: readonly ErrorPlace[]): number {
-  if (targetMm && targetMm > 0) return targetMm;
-  if (places.length === 0) return 1;
-  const sorted = places.map((place) => place.sigmaMm).sort((a, b) => a - b);
-  return sorted[Math.floor(sorted.length / 2)]!;
-}

@@ -9,7 +9,11 @@ import { alertMark } from './camera_tile';
 const words: Record<string, string> = { bad: 'error', warn: 'warning', info: 'note' };
 
 /** What a person should know now, worst first. `nowMs` is the server's time. */
-export function Alerts({ alerts, nowMs }: { alerts: readonly LiveAlert[]; nowMs: number | undefined }): JSX.Element {
+export function Alerts({ alerts, nowMs, known }: {
+  alerts: readonly LiveAlert[]; nowMs: number | undefined; known: boolean;
+}): JSX.Element {
+  // What was true a while ago would be read as true now.
+  if (!known) return <ul class="alerts"><li class="none"><Chip mark="idle">Alerts are not known</Chip></li></ul>;
   return <ul class="alerts" aria-live="polite" aria-relevant="additions">
     {alerts.length === 0 && <li class="none"><Chip mark="good">No alerts</Chip></li>}
     {alerts.map((alert) => {

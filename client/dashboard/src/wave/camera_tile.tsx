@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 import type { JSX } from 'preact';
 import { memo } from './memo';
-import { useCallback } from 'preact/hooks';
+import { useCallback, useEffect, useRef, useState } from 'preact/hooks';
 import { toCount } from '../api/json_values';
 import type { LiveAlert, LiveCamera } from '../api/types';
+import { usePreview } from '../rig/preview';
 import { Canvas } from '../shell/canvas';
 import { Chip, type Mark, Meter } from '../shell/parts';
 import { count, fixed, missing, percent } from '../view/format';
@@ -31,12 +32,31 @@ interface Props {
   alert: LiveAlert | undefined;
   stale: boolean;
   theme: string;
+  /** The rig, where its pictures are wanted; '': they are not. */
+  pictures: string;
+  /** Session and state; a change lets a camera without pictures be asked again. */
+  state: string;
+}
+
+/** What the camera sees, below its coverage. */
+function Picture({ rig, camera, state, onShown }: {
+  rig: string; camera: string; state: string; onShown: (shown: boolean) => void;
+}): JSX.Element {
+  const image = useRef<HTMLImageElement>(null);
+  const problem = usePreview(image, rig, camera, state);
+  useEffect(() => {
+    onShown(problem === '');
+    return () => onShown(false);
+  }, [problem === '']);
+  return <img ref={image} alt={`What ${camera} sees`} class={problem === '' ? '' : 'none'} />;
 }
 
 /** A camera: where it has seen the wand, and whether all is well. */
-export const CameraTile = memo(function CameraTile({ camera, alert, stale, theme }: Props): JSX.Element {
+export const CameraTile = memo(function CameraTile({ camera, alert, stale, theme, pictures, state }: Props): JSX.Element {
+  const [shown, setShown] = useState(false);
+  const picture = pictures !== '' && Boolean(camera.has_preview) && camera.state !== 'STATE_OFFLINE' && !stale;
   const draw = useCallback((context: CanvasRenderingContext2D, width: number, height: number) =>
-    drawTile(context, camera, width, height, stale), [camera, stale, theme]);
+    drawTile(context, camera, width, height, stale, shown), [camera, stale, theme, shown]);
   const [mark, word] = cameraState(camera);
   const share = camera.coverage?.covered_share ?? 0;
   const shared = camera.shared_instant_count ?? 0;
@@ -45,13 +65,14 @@ export const CameraTile = memo(function CameraTile({ camera, alert, stale, theme
   const dropped = toCount(camera.dropped_count);
   const rate = (value: number | undefined) => (stale ? missing : fixed(value ?? 0, 0));
   const offset = camera.clock?.time_offset_s;
-  return <li class={`tile ${alert ? alertMark(alert) : ''}`}>
+  return <li class={`tile ${alert && !stale ? alertMark(alert) : ''}`}>
     <div class="head">
       <h3>{camera.camera}</h3>
-      {alert ? <span title={alert.text}><Chip mark={alertMark(alert)}>{short[alert.kind ?? ''] ?? alert.kind?.replaceAll('_', ' ')}</Chip></span>
+      {alert && !stale ? <span title={alert.text}><Chip mark={alertMark(alert)}>{short[alert.kind ?? ''] ?? alert.kind?.replaceAll('_', ' ')}</Chip></span>
         : <Chip mark={stale ? 'idle' : mark}>{stale ? 'not known' : word}</Chip>}
     </div>
-    <Canvas draw={draw} label={`${camera.camera}: ${percent(share)} of the image covered`} />
+    <div class="seen">{picture && <Picture rig={pictures} camera={camera.camera ?? ''} state={`${camera.state} ${camera.agent_id} ${state}`} onShown={setShown} />}
+      <Canvas draw={draw} label={`${camera.camera}: ${percent(share)} of the image covered`} /></div>
     <div class="row"><span class="strong">{percent(share)}</span><span>covered</span>
       {dropped > 0 ? <span class="end lost" title="Observations that will never arrive or were refused">✕ {count(dropped)} lost</span>
         : backlog > 0 && <span class="end" title="Observations waiting in the agent's spool">⇡ {count(backlog)} wait</span>}</div>

@@ -2,17 +2,22 @@
 // For a phone beside the wand, or a screen four metres away.
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { createSession, startSession, stopSession } from '../api/server_api';
+import { createCalibration, createSession, getCalibration, listCalibrations, resumeSession, startSession, stopSession } from '../api/server_api';
 import { timeMs } from '../api/json_values';
+import type { Calibration, Session } from '../api/types';
+import { gradeOf } from '../result/grade';
+import { Activate } from '../result/activate';
 import { useFeed, useFeedControl } from '../shell/feed_context';
 import { WorkButton } from '../shell/parts';
 import { hashOf } from '../shell/route';
 import { changeSettings, readSettings } from '../shell/settings';
-import { millimetres, missing, span } from '../view/format';
-import { parseTarget, targetText } from '../view/target_text';
+import { useLoaded } from '../shell/use_async';
+import { enumWords, millimetres, missing, span } from '../view/format';
+import { targetOf } from '../view/target_text';
 import { LiveFigureRegion } from './figure_region';
 import { isCapturing, progressOf } from './progress';
 import { nextSounds, nothingSaid, SoundPlayer } from './progress_sound';
+import { NoCameras, optionalPositive, startFields, usableCameras } from './session_controls';
 
 /** Keeps the screen on. Says whether it does. */
 function useWakeLock(): boolean {
@@ -46,6 +51,38 @@ function useWakeLock(): boolean {
     };
   }, []);
   return held;
+}
+
+/** The newest calibration of a finished session, looked at until it has ended. */
+function useCalibrationOf(session: Session | undefined): { calibration: Calibration | undefined; follow: (id: string) => void } {
+  const [asked, setAsked] = useState({ session: '', id: '' });
+  const [open, setOpen] = useState(true);
+  const of = session?.state === 'STATE_FINISHED' && !session.discard_time ? session.id ?? '' : '';
+  const id = asked.session === of ? asked.id : '';
+  const loaded = useLoaded(`calibration of ${of} ${id}`, async (signal): Promise<Calibration | undefined> => {
+    if (of === '') return undefined;
+    if (id !== '') return getCalibration(id, signal);
+    return (await listCalibrations({ filter: `session_ids:${of}`, page_size: 1 }, signal)).calibrations?.[0];
+  }, open ? 700 : 0);
+  const state = loaded.value?.state;
+  useEffect(() => setOpen(of !== '' && (id !== '' || state !== undefined) && state !== 'STATE_SUCCEEDED' && state !== 'STATE_FAILED'), [of, id, state]);
+  return { calibration: of === '' ? undefined : loaded.value, follow: (made) => {
+    setOpen(true);
+    setAsked({ session: of, id: made });
+  } };
+}
+
+/** How far a calibration is, and its grade; in large letters. */
+function CalibrationWords({ calibration }: { calibration: Calibration }): JSX.Element {
+  const [mark, words] = gradeOf(calibration);
+  const symbol = { good: '✓', warn: '▲', bad: '✕', idle: '…', info: '…', live: '…' }[mark];
+  const stage = calibration.state === 'STATE_QUEUED' ? 'it waits for the worker' : enumWords(calibration.progress?.stage, 'CALIBRATION_STAGE_');
+  const ended = calibration.state === 'STATE_SUCCEEDED' || calibration.state === 'STATE_FAILED';
+  return <section class={`verdict ${mark}`} aria-live="polite">
+    <h1 class="word"><span aria-hidden="true">{symbol}</span> {ended ? words : 'Calibrating'}</h1>
+    <p class="do">{ended ? calibration.error || (calibration.quality?.reasons ?? []).slice(0, 2).join('; ') : stage}</p>
+    <p class="goal"><a href={hashOf('result', calibration.id)}>{calibration.id}: the whole result</a></p>
+  </section>;
 }
 
 /** One word, one figure, one colour, what to do next. */
@@ -88,36 +125,57 @@ export function DistancePage(): JSX.Element {
   const started = timeMs(rig.session?.start_time);
   const now = timeMs(rig.session?.stop_time) ?? timeMs(rig.time);
   const start = async (): Promise<void> => {
-    const text = settings.target || targetText(rig.session?.target) || '0, 130, 390';
-    const { target, problem: refused } = parseTarget(text);
+    const { target, problem: refused } = targetOf(startFields(rig.session));
     if (!target) throw new Error(refused);
-    const until = Number(settings.untilMm);
+    const until = target.kind === 'KIND_RIGID' ? undefined : optionalPositive(settings.untilMm);
     const session = rig.session?.state === 'STATE_CREATED' ? rig.session
-      : await createSession({ rig: rig.rig || undefined, target, goal: until > 0 ? { until_mm: until } : undefined });
+      : await createSession({ rig: rig.rig || undefined, target, goal: until ? { until_mm: until } : undefined });
     await startSession(session.id ?? '');
     control.retryNow();
   };
+  const { calibration, follow } = useCalibrationOf(rig.session);
+  const finished = rig.session?.state === 'STATE_FINISHED' && !rig.session.discard_time;
+  const draining = rig.session?.state === 'STATE_DRAINING';
+  const cameras = usableCameras(rig).length > 0;
+  const solving = calibration?.state === 'STATE_QUEUED' || calibration?.state === 'STATE_RUNNING';
+  const again = cameras && <>
+    <WorkButton work={async () => {
+      await resumeSession(rig.session?.id ?? '');
+      control.retryNow();
+    }} disabled={stale || solving}>Wave on</WorkButton>
+    <WorkButton work={start} disabled={stale || solving}>New capture</WorkButton></>;
   const toggle = (name: 'beeps' | 'speech') => setSettings(changeSettings({ [name]: !settings[name] }));
-  return <main id="main" class={`distance stage-${progress.stage}`} tabIndex={-1}>
+  const tone = finished && calibration && !stale ? `verdict-${gradeOf(calibration)[0]}` : `stage-${progress.stage}`;
+  return <main id="main" class={`distance ${tone}`} tabIndex={-1}>
     <header>
       <a class="button" href={hashOf('wave')}>← Back</a>
       <button type="button" aria-pressed={settings.beeps} onClick={() => toggle('beeps')}>{settings.beeps ? '♪ Beeps on' : '♪ Beeps off'}</button>
       <button type="button" aria-pressed={settings.speech} onClick={() => toggle('speech')}>{settings.speech ? '❝ Voice on' : '❝ Voice off'}</button>
       <span class="hint">{awake ? 'Screen stays on' : 'Screen may turn off'}</span>
     </header>
+    {finished && calibration && !stale ? <CalibrationWords calibration={calibration} /> : <>
     <h1 class="word"><span aria-hidden="true">{progress.symbol}</span> {progress.word}</h1>
     <p class={`huge${millimetres(progress.nowMm).length > 4 ? ' long' : ''}`}><span class="digits">{stale ? missing : millimetres(progress.nowMm)}</span><span class="unit">mm</span></p>
     <LiveFigureRegion progress={progress} />
-    <p class="goal">{[progress.targetMm === undefined ? '' : `target ${millimetres(progress.targetMm)} mm`,
+    <p class="goal">{[progress.goalMm === undefined ? '' : `goal ${millimetres(progress.goalMm)} mm`,
       started !== undefined && now !== undefined && !stale ? span((now - started) / 1000) : ''].filter(Boolean).join(' · ')}</p>
     <p class="do">{stale ? `${problem || 'The server does not answer.'} Last data ${span(control.ageMs() / 1000)} ago.`
-      : capturing && advice !== '' ? `Wave ${advice}` : rig.session?.stop_reason ?? ''}</p>
+      : capturing && advice !== '' ? `Wave ${advice}` : draining ? 'The last observations are on their way.' : rig.session?.stop_reason ?? ''}</p>
+    </>}
     {!stale && alert !== '' && <p class="wrong">✕ {alert}</p>}
     <footer>{capturing
-      ? <WorkButton kind="danger" work={async () => {
+      ? <WorkButton kind="danger" disabled={stale} work={async () => {
         await stopSession(rig.session?.id ?? '');
         control.retryNow();
       }}>■ Stop</WorkButton>
-      : <WorkButton kind="primary" work={start} disabled={stale || rig.session?.state === 'STATE_DRAINING'}>Start</WorkButton>}</footer>
+      : (finished || draining) && calibration?.state !== 'STATE_SUCCEEDED'
+        ? <><WorkButton kind="primary" disabled={stale || draining || solving} work={async () => {
+          follow((await createCalibration([rig.session?.id ?? ''])).id ?? '');
+        }}>{solving ? 'Calibrating …' : 'Calibrate'}</WorkButton>
+        {finished && <div class="others">{again}</div>}</>
+        : finished && calibration ? <><Activate calibration={calibration} disabled={stale} />
+          <div class="others"><a class="button" href={hashOf('result', calibration.id)}>Floor, downloads</a>{again}</div></>
+          : cameras ? <WorkButton kind="primary" work={start} disabled={stale}>Start</WorkButton>
+            : !stale && <NoCameras />}</footer>
   </main>;
 }

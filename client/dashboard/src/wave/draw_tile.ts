@@ -7,10 +7,12 @@ import { coverageStep, coverageStepQuality, qualityRgb, rgbText } from '../view/
 
 /** The pattern of a step, so that it can be told without colour: hatched, one dot, two dots, plain. */
 export function drawCell(context: CanvasRenderingContext2D, step: 0 | 1 | 2 | 3, x: number, y: number, w: number,
-  h: number): void {
+  h: number, clear = false): void {
   const colour = qualityRgb(coverageStepQuality[step]);
-  context.fillStyle = rgbText(colour, step === 0 ? 0.16 : 0.42 + 0.12 * step);
+  // On a picture they let it through.
+  context.fillStyle = rgbText(colour, step === 0 ? (clear ? 0.05 : 0.16) : clear ? 0.34 : 0.42 + 0.12 * step);
   context.fillRect(x + 0.5, y + 0.5, w - 1, h - 1);
+  if (step === 0 && clear) return;
   if (step === 0) {
     context.strokeStyle = rgbText(colour, 0.6);
     context.lineWidth = 1;
@@ -29,12 +31,14 @@ export function drawCell(context: CanvasRenderingContext2D, step: 0 | 1 | 2 | 3,
   }
 }
 
-/** Draws a camera into a box of the same shape as its image. */
+/** Draws a camera into a box of the same shape as its image; `clear`: there is a picture below. */
 export function drawTile(context: CanvasRenderingContext2D, camera: LiveCamera, width: number, height: number,
-  dim: boolean): void {
+  dim: boolean, clear = false): void {
   const colours = palette();
-  context.fillStyle = colours.surface;
-  context.fillRect(0, 0, width, height);
+  if (!clear) {
+    context.fillStyle = colours.surface;
+    context.fillRect(0, 0, width, height);
+  }
   const imageWidth = camera.image_size_px?.width || 1;
   const imageHeight = camera.image_size_px?.height || 1;
   const scale = Math.min(width / imageWidth, height / imageHeight);
@@ -48,7 +52,7 @@ export function drawTile(context: CanvasRenderingContext2D, camera: LiveCamera, 
     const w = (imageWidth * scale) / columns;
     const h = (imageHeight * scale) / rows;
     for (let i = 0; i < columns * rows; ++i) {
-      drawCell(context, coverageStep(counts[i] ?? 0), left + (i % columns) * w, top + Math.floor(i / columns) * h, w, h);
+      drawCell(context, coverageStep(counts[i] ?? 0), left + (i % columns) * w, top + Math.floor(i / columns) * h, w, h, clear);
     }
   }
   const at = (x: number | undefined, y: number | undefined): [number, number] =>

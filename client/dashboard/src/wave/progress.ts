@@ -2,7 +2,7 @@
 // How far the wave is: one word, one colour, one figure, for the page and the distance mode.
 import type { LiveEstimate } from '../api/types';
 import type { RigState } from '../live/live_merge';
-import { errorQuality } from '../view/colour_scale';
+import { errorQuality, wantedMm } from '../view/colour_scale';
 
 /** Where the wave stands. */
 export type Stage = 'no_session' | 'waiting' | 'failed' | 'waving' | 'near' | 'reached' | 'ended' | 'stale';
@@ -15,7 +15,7 @@ export interface Progress {
   symbol: string;
   /** Expected error, 95th percentile, millimetres. Undefined: there is none. */
   nowMm: number | undefined;
-  targetMm: number | undefined;
+  goalMm: number | undefined;
   /** 0 bad to 1 good. */
   quality: number;
 }
@@ -34,10 +34,10 @@ export function figureOf(estimate: LiveEstimate | undefined): number | undefined
 /** Progress of a rig. */
 export function progressOf(rig: RigState, stale: boolean): Progress {
   const nowMm = figureOf(rig.estimate);
-  const targetMm = rig.goal?.until_mm ?? rig.session?.goal?.until_mm;
-  const quality = nowMm === undefined ? 0 : errorQuality(nowMm, targetMm ?? 0.5);
+  const goalMm = rig.goal?.until_mm ?? rig.session?.goal?.until_mm;
+  const quality = nowMm === undefined ? 0 : errorQuality(nowMm, wantedMm(goalMm));
   const make = (stage: Stage, symbol: string, word: string): Progress =>
-    ({ stage, symbol, word, nowMm, targetMm, quality });
+    ({ stage, symbol, word, nowMm, goalMm, quality });
   if (stale) return make('stale', '⚠', 'Old data');
   if (!rig.session) return make('no_session', '○', 'No session');
   if (!isCapturing(rig)) {
@@ -49,7 +49,7 @@ export function progressOf(rig: RigState, stale: boolean): Progress {
     return rig.estimate?.state === 'STATE_FAILED' ? make('failed', '✕', 'No solution yet')
       : make('waiting', '…', 'Wave: too little yet');
   }
-  if (targetMm !== undefined && nowMm < targetMm) return make('near', '▲', 'Below target, checking');
-  if (targetMm !== undefined && nowMm < 1.5 * targetMm) return make('near', '▲', 'Nearly there');
+  if (goalMm !== undefined && nowMm < goalMm) return make('near', '▲', 'Below the goal, checking');
+  if (goalMm !== undefined && nowMm < 1.5 * goalMm) return make('near', '▲', 'Nearly there');
   return make('waving', '●', 'Keep waving');
 }

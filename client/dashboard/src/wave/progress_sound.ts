@@ -75,7 +75,8 @@ export class SoundPlayer {
   unlock(): void {
     if (!('AudioContext' in globalThis)) return;
     this.audio ??= new AudioContext();
-    void this.audio.resume();
+    // Refused before a click, and where the page is left at once; then there is no sound.
+    this.audio.resume().catch(() => undefined);
   }
 
   beep(tonesHz: readonly number[]): void {

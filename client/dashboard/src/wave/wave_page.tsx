@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 import type { JSX } from 'preact';
-import { useEffect, useMemo } from 'preact/hooks';
+import { useEffect, useMemo, useState } from 'preact/hooks';
 import { timeMs } from '../api/json_values';
 import type { LiveAlert, LiveFigure } from '../api/types';
 import { useFeed, useFeedControl } from '../shell/feed_context';
 import { Panel } from '../shell/parts';
 import { hashOf } from '../shell/route';
+import { changeSettings, readSettings } from '../shell/settings';
 import { SceneView } from '../scene/scene_view';
+import { qualityRgb, rgbText } from '../view/colour_scale';
 import { fixed, millimetres, missing, span } from '../view/format';
 import { modelOfEstimate } from '../view/rig_model';
 import { Alerts, PairNeeds } from './alerts';
@@ -15,7 +17,7 @@ import { FigureCurve } from './figure_curve';
 import { LiveFigureRegion } from './figure_region';
 import { OverlapMatrix } from './overlap_matrix';
 import { isCapturing, progressOf } from './progress';
-import { SessionControls } from './session_controls';
+import { SessionControls, usableCameras } from './session_controls';
 
 /** So many have room for their matrix under the advice. */
 const fewCameras = 4;
@@ -29,33 +31,35 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
     control.setAttention('wave');
     return () => control.setAttention('other');
   }, [control]);
+  const [pictures, setPictures] = useState(readSettings().pictures);
   const estimate = rig.estimate;
   const progress = progressOf(rig, stale);
   const shapes = rig.cameras.map((camera) => `${camera.camera} ${camera.image_size_px?.width} ${camera.image_size_px?.height}`).join();
-  const model = useMemo(() => modelOfEstimate(estimate, rig.cameras), [estimate, shapes]);
+  const capturing = isCapturing(rig);
+  const model = useMemo(() => modelOfEstimate(estimate, rig.cameras, capturing && !stale), [estimate, shapes, capturing, stale]);
   const byCamera = useMemo(() => {
     const first = new Map<string, LiveAlert>();
     for (const alert of rig.alerts) if (alert.camera && !first.has(alert.camera)) first.set(alert.camera, alert);
     return first;
   }, [rig.alerts]);
   const volume = estimate?.volume;
-  const capturing = isCapturing(rig);
   const advice = estimate?.advice ?? [];
   const needs = estimate?.needs ?? [];
   const age = timeMs(rig.time) !== undefined && timeMs(estimate?.time) !== undefined
     ? (timeMs(rig.time)! - timeMs(estimate?.time)!) / 1000 : undefined;
-  return <div class={rig.cameras.length <= fewCameras ? 'wave few' : 'wave'}>
+  return <div class={`wave${rig.cameras.length <= fewCameras ? ' few' : ''}${stale ? ' stale' : ''}${rig.session ? '' : ' idle'}`}>
     <Panel name="figure" title="Expected error" aside={<a class="button" href={hashOf('distance')}>Distance mode</a>}>
-      <div class={`big stage-${progress.stage}`}>
+      <div class={`big stage-${progress.stage}`} style={progress.nowMm === undefined || stale ? undefined
+        : { borderColor: rgbText(qualityRgb(progress.quality)) }}>
         <p class="number"><span class="digits">{stale ? missing : millimetres(progress.nowMm)}</span><span class="unit">mm</span></p>
         <p class="state"><span class="stageword"><span aria-hidden="true">{progress.symbol}</span> {progress.word}</span>
-          <span>{progress.targetMm !== undefined ? `target ${millimetres(progress.targetMm)} mm` : 'no target'}</span></p>
+          <span>{progress.goalMm !== undefined ? `goal ${millimetres(progress.goalMm)} mm` : 'no goal'}</span></p>
       </div>
       <LiveFigureRegion progress={progress} />
       {!stale && capturing && rig.goal?.why_not && <p class="why">Goes on: {rig.goal.why_not}.</p>}
       {estimate?.state === 'STATE_FAILED' && <p class="why">✕ {estimate.problem}</p>}
       {volume && estimate && !estimate.scale_known && <p class="why">The scale is not known: there is no error in millimetres.</p>}
-      <FigureCurve history={estimate?.history ?? noHistory} targetMm={progress.targetMm} theme={theme} />
+      <FigureCurve history={estimate?.history ?? noHistory} goalMm={progress.goalMm} theme={theme} />
       <dl class="facts">
         <div class="fact" title="One sigma; the large figure is a bound that holds in 95 % of the places"><dt>median, 1σ</dt><dd>{stale || !volume ? missing : `${millimetres(volume.median_mm)} mm`}</dd></div>
         <div class="fact" title="One sigma"><dt>worst place, 1σ</dt><dd>{stale || !volume ? missing : `${millimetres(volume.worst_mm)} mm`}</dd></div>
@@ -77,17 +81,19 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
             : <p class="empty">{capturing ? (estimate?.state === 'STATE_READY' ? 'No place stands out: wave everywhere that two cameras see.'
               : 'Wave the wand where two cameras see it.')
               : rig.session?.state === 'STATE_FINISHED' ? 'Calibrate from this session, or go on with it in a new one.'
-                : 'Start a capture; advice on where to wave follows.'}</p>}
-      <Alerts alerts={rig.alerts} nowMs={timeMs(rig.time)} />
+                : usableCameras(rig).length === 0 ? 'Connect cameras first.' : 'Start a capture; advice on where to wave follows.'}</p>}
+      <Alerts alerts={rig.alerts} nowMs={timeMs(rig.time)} known={!stale && rig.revision !== ''} />
     </Panel>
     <Panel name="space" title="Rig and expected error">
-      <SceneView model={model} targetMm={progress.targetMm} theme={theme} label="Cameras, wand and expected error"
-        note="○ blue: wave here · wire: worst place" />
+      <SceneView model={model} goalMm={progress.goalMm} theme={theme} label="Cameras, wand and expected error"
+        note={capturing && !stale ? '○ blue: wave here · wire: worst place' : 'wire: worst place'} />
     </Panel>
-    <Panel name="tiles" title={`Cameras (${rig.cameras.length})`} aside={<CoverageLegend />}>
-      {rig.cameras.length === 0 ? <p class="empty">No camera is connected. <a href={hashOf('join')}>Connect a PC</a></p>
+    <Panel name="tiles" title={`Cameras (${rig.cameras.length})`} aside={<div class="tilesaside"><CoverageLegend />
+      {rig.cameras.some((camera) => camera.has_preview) && <button type="button" aria-pressed={pictures}
+        onClick={() => setPictures(changeSettings({ pictures: !pictures }).pictures)}>Pictures</button>}</div>}>
+      {rig.cameras.length === 0 ? <p class="empty">{stale || rig.revision === '' ? 'Not known yet.' : 'No camera is connected.'}</p>
         : <ul class="tilegrid" style={{ maxWidth: `${rig.cameras.length * 24.6}rem` }}>{rig.cameras.map((camera) => <CameraTile key={camera.camera} camera={camera}
-          alert={byCamera.get(camera.camera ?? '')} stale={stale} theme={theme} />)}</ul>}
+          alert={byCamera.get(camera.camera ?? '')} stale={stale} theme={theme} pictures={pictures ? rig.rig : ''} state={rig.session?.id ?? ''} />)}</ul>}
     </Panel>
     <Panel name="overlap" title="Common instants of pairs">
       <OverlapMatrix overlap={rig.overlap} />

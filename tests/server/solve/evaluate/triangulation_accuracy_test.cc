@@ -176,6 +176,7 @@ TEST(TriangulationAccuracy, ThePartOfTheCalibrationDoesNotDependOnTheFrame) {
   CalibrationOptions options;
   options.intrinsics = Estimate::kFixed;
   double calibration_p95_m[2], shape_p95_m[2];
+  std::vector<double> by_point_m[2];
   for (const int c : {0, 1}) {
     const size_t reference = c == 0 ? 0 : 2;
     options.reference_camera = world.cameras()[reference].description.camera;
@@ -190,6 +191,17 @@ TEST(TriangulationAccuracy, ThePartOfTheCalibrationDoesNotDependOnTheFrame) {
     ASSERT_OK_AND_ASSIGN(const Accuracy accuracy, ComputeAccuracy(*outcome.result, asked));
     calibration_p95_m[c] = accuracy.calibration_p95_m;
     shape_p95_m[c] = accuracy.shape.p95_m;
+    double squares = 0;
+    for (const PointAccuracy& point : accuracy.points) {
+      by_point_m[c].push_back(point.calibration_sigma_m);
+      squares += point.calibration_sigma_m * point.calibration_sigma_m;
+    }
+    EXPECT_NEAR(std::sqrt(squares / static_cast<double>(accuracy.points.size())),
+                accuracy.calibration_rms_m, 1e-9);
+  }
+  ASSERT_EQ(by_point_m[0].size(), by_point_m[1].size());
+  for (size_t i = 0; i < by_point_m[0].size(); ++i) {
+    EXPECT_NEAR(by_point_m[1][i] / by_point_m[0][i], 1, 0.02) << i;
   }
   EXPECT_GT(shape_p95_m[1], 1.3 * shape_p95_m[0]) << "the frame made no difference";
   // The draws are others: sampling moves a percentile of 64 by a few per cent.

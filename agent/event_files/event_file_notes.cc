@@ -52,7 +52,16 @@ std::vector<std::string> EventFileInfo::Notes() const {
   if (header.format != EventFormat::kPlain || cd_events < kFewEvents) return notes;
   const auto events = static_cast<double>(cd_events);
   const double seconds = static_cast<double>(duration_us) / 1e6;
-  if (seconds > 0 && !IsPossible(events, seconds)) {
+  constexpr char kTooFewDigits[] =
+      ": they were stored with too few digits (32-bit floats hold 7); store them as whole "
+      "microseconds or 64-bit floats";
+  if (step_count == 0) {
+    notes.push_back(absl::StrCat("all ", cd_events, " events have one time", kTooFewDigits));
+  } else if (shortest_step_us >= kCoarseStepUs && step_count * kManyEventsPerStep <= cd_events) {
+    notes.push_back(absl::StrCat("times come in steps of ",
+                                 DurationText(static_cast<double>(shortest_step_us) / 1e6),
+                                 " or more, with many events each", kTooFewDigits));
+  } else if (seconds > 0 && !IsPossible(events, seconds)) {
     const TimeUnit unit = header.time_unit;
     std::string note = absl::StrCat(cd_events, " events over ", DurationText(seconds),
                                     " cannot be ", TimeUnitName(unit));
@@ -62,12 +71,6 @@ std::vector<std::string> EventFileInfo::Notes() const {
                       DurationText(seconds * MicrosecondsOf(other) / MicrosecondsOf(unit)));
     }
     notes.push_back(note);
-  }
-  if (shortest_step_us >= kCoarseStepUs && step_count * kManyEventsPerStep <= cd_events) {
-    notes.push_back(absl::StrCat(
-        "times come in steps of ", DurationText(static_cast<double>(shortest_step_us) / 1e6),
-        " or more, with many events each: they were stored with too few digits (32-bit floats "
-        "hold 7); store them as whole microseconds or 64-bit floats"));
   }
   if (on_events == 0 || off_events() == 0) {
     notes.push_back(absl::StrCat("all events are ", on_events == 0 ? "OFF" : "ON",

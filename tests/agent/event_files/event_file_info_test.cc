@@ -78,6 +78,7 @@ TEST(EventFileInfo, NotesTimesThatCannotBeInTheirUnit) {
   EXPECT_THAT(notes(CsvEvents("x,y,p,t_s", 1e-3)), HasSubstr("use time=ms"));
   EXPECT_THAT(notes(CsvEvents("x,y,p,t_us", 1e-9)), HasSubstr("use time=ns"));
   EXPECT_THAT(notes(CsvEvents("x,y,p,t_s", 1, 0.02)), HasSubstr("32-bit floats"));
+  EXPECT_THAT(notes(CsvEvents("x,y,p,t_s", 1, 128)), HasSubstr("have one time"));
 }
 
 TEST(EventFileInfo, TakesPolaritiesOfBytes) {

@@ -46,7 +46,7 @@ const FormatCase kCases[] = {
     {"kalibr",
      &testing::ReadKalibrCamchain,
      {TestLens::kBrown5, TestLens::kRational},
-     "coefficient"},
+     "--undistorted"},
     {"ros", &testing::ReadRosFiles, {}},
     {"colmap", &testing::ReadColmapText, {}},
     {"colmap-binary", &testing::ReadColmapBinary, {}},

@@ -32,10 +32,11 @@ std::string OpenCvText(const std::string& ending, const std::vector<double>& dis
                        const std::string& model = "", int fisheye = -1) {
   cv::FileStorage storage(ending, cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
   storage << "image_width" << 1280 << "image_height" << 1024;
-  storage << "camera_matrix" << cv::Mat(cv::Mat1d(3, 3) << 1000, 0, 639.5, 0, 1001, 511.5, 0, 0, 1);
+  const cv::Mat1d matrix = (cv::Mat1d(3, 3) << 1000, 0, 639.5, 0, 1001, 511.5, 0, 0, 1);
+  storage << "camera_matrix" << cv::Mat(matrix);
   if (!model.empty()) storage << "distortion_model" << model;
   if (fisheye >= 0) storage << "fisheye_model" << fisheye;
-  storage << "distortion_coefficients" << cv::Mat(distortion, true).t();
+  storage << "distortion_coefficients" << cv::Mat(cv::Mat(distortion, true).t());
   return storage.releaseAndGetString();
 }
 

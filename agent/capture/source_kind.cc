@@ -6,6 +6,7 @@
 
 #include "absl/strings/numbers.h"
 #include "agent/capture/pacer.h"
+#include "common/import/intrinsics_file.h"
 #include "common/text/shortest_text.h"
 
 namespace rigcal::agent {
@@ -44,7 +45,7 @@ void ResolveCalibration(const std::string& subject, std::string* path) {
   if (*path == "none") {
     path->clear();
   } else if (path->empty() && !subject.empty()) {
-    *path = WithoutSlash(subject).replace_extension(".yaml").string();
+    *path = LensFileBeside(WithoutSlash(subject).string());
   }
 }
 

@@ -89,8 +89,8 @@ bool ParseTime(std::string_view field, TimeUnit unit, int64_t* time_us) {
 bool ParsePolarity(std::string_view field, bool* on) {
   int64_t value = 0;
   if (ParseWhole(field, &value)) {
-    *on = value == 1;
-    return value >= -1 && value <= 1;
+    *on = value == 1 || value == 255;  // 255 is ON of masks stored as bytes
+    return (value >= -1 && value <= 1) || value == 255;
   }
   const std::string text = absl::AsciiStrToLower(std::string(field));
   *on = text == "true";
@@ -110,6 +110,7 @@ bool IsTimeName(const std::string& name, TimeUnit* unit) {
     const std::string suffix = name.substr(std::string_view(stem).size());
     *unit = TimeUnit::kAuto;
     if (suffix == "_us" || suffix == "[us]") *unit = TimeUnit::kMicroseconds;
+    if (suffix == "_ms" || suffix == "[ms]") *unit = TimeUnit::kMilliseconds;
     if (suffix == "_s" || suffix == "[s]" || suffix == "_sec") *unit = TimeUnit::kSeconds;
     if (suffix == "_ns" || suffix == "[ns]") *unit = TimeUnit::kNanoseconds;
     if (suffix.empty() || *unit != TimeUnit::kAuto) return true;
@@ -192,7 +193,7 @@ std::optional<std::string> ParseCsvEventLine(std::string_view line, const CsvEve
   }
   bool on = false;
   if (!ParsePolarity(fields[columns.p], &on)) {
-    return absl::StrCat("p is ", Quoted(fields[columns.p]), ", none of 0, 1, -1, false, true");
+    return absl::StrCat("p is ", Quoted(fields[columns.p]), ", none of 0, 1, -1, 255, false, true");
   }
   if (!ParseTime(fields[columns.t], unit, &event->time_us)) {
     return absl::StrCat("t is ", Quoted(fields[columns.t]), ", not a time in ", TimeUnitName(unit));

@@ -22,7 +22,7 @@ CsvFields SplitCsvEventFields(std::string_view line);
 // Whether a line is names and no numbers.
 bool IsCsvEventHeader(std::string_view line);
 // From a header line: x; y; p, pol or polarity; t, ts, time or timestamp, the last ones also with
-// _us, _s or _ns; in any order, among others. INVALID_ARGUMENT names what is missing.
+// _us, _ms, _s or _ns; in any order, among others. INVALID_ARGUMENT names what is missing.
 absl::StatusOr<CsvEventColumns> ParseCsvEventHeader(std::string_view line);
 // From an order such as "txyp". INVALID_ARGUMENT.
 absl::StatusOr<CsvEventColumns> ParseCsvEventOrder(std::string_view order);

@@ -69,14 +69,25 @@ constexpr char kKnownFiles[] =
 
 const char* TimeUnitName(TimeUnit unit) {
   static constexpr const char* kNames[] = {"an unknown unit", "seconds", "microseconds",
-                                           "nanoseconds"};
+                                           "nanoseconds", "milliseconds"};
   return kNames[static_cast<size_t>(unit)];
+}
+
+double MicrosecondsOf(TimeUnit unit) {
+  static constexpr double kMicroseconds[] = {1, 1e6, 1, 1e-3, 1e3};
+  return kMicroseconds[static_cast<size_t>(unit)];
+}
+
+const char* TimeUnitOption(TimeUnit unit) {
+  static constexpr const char* kOptions[] = {"auto", "s", "us", "ns", "ms"};
+  return kOptions[static_cast<size_t>(unit)];
 }
 
 void AddOptions(EventFileOptions* options, OptionTable* table) {
   table->AddChoice("time", &options->time_unit,
                    std::vector<std::pair<std::string, TimeUnit>>{{"auto", TimeUnit::kAuto},
                                                                  {"s", TimeUnit::kSeconds},
+                                                                 {"ms", TimeUnit::kMilliseconds},
                                                                  {"us", TimeUnit::kMicroseconds},
                                                                  {"ns", TimeUnit::kNanoseconds}},
                    "unit of times in CSV or HDF5; auto: fractions are seconds, whole numbers "

@@ -19,12 +19,16 @@
 namespace rigcal::agent {
 
 // Unit of the times in a file for interchange. kAuto: in HDF5 whole numbers are microseconds and
-// fractions seconds; in CSV the unit of the column's name (t_us, t_s, t_ns), else seconds if one of
-// the first lines has a fraction that is not zero, else microseconds.
-enum class TimeUnit : uint8_t { kAuto, kSeconds, kMicroseconds, kNanoseconds };
+// fractions seconds; in CSV the unit of the column's name (t_us, t_ms, t_s, t_ns), else seconds if
+// one of the first lines has a fraction that is not zero, else microseconds.
+enum class TimeUnit : uint8_t { kAuto, kSeconds, kMicroseconds, kNanoseconds, kMilliseconds };
 
 // "seconds" and so on.
 const char* TimeUnitName(TimeUnit unit);
+// How many microseconds one of them is; not of kAuto.
+double MicrosecondsOf(TimeUnit unit);
+// What the option is called: "s".
+const char* TimeUnitOption(TimeUnit unit);
 
 // Of the words of EVT 2.1. kAuto: as the header says; headers that do not say it are of the time
 // when only one order was written, the legacy one.

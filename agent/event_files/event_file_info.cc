@@ -64,6 +64,12 @@ class InfoSink {
   void See(int64_t time_us) {
     if (!info_.first_us) info_.first_us = time_us;
     if (!in_epoch_) epoch_first_us_ = now_us_ = time_us;
+    if (in_epoch_ && time_us > now_us_) {
+      const int64_t step_us = time_us - now_us_;
+      if (info_.step_count++ == 0 || step_us < info_.shortest_step_us) {
+        info_.shortest_step_us = step_us;
+      }
+    }
     in_epoch_ = true;
     now_us_ = std::max(now_us_, time_us);
     info_.last_us = now_us_;

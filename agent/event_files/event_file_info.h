@@ -39,6 +39,12 @@ struct EventFileInfo {
   // If events contradict the geometry: the smallest that holds all of them.
   std::optional<SensorGeometry> extent;
   std::vector<Refusal> refused;  // lines that are no events
+  // The smallest step from one time to another one, and how many such steps there are.
+  int64_t shortest_step_us = 0;
+  uint64_t step_count = 0;
+
+  // What cannot be as the file or the options say, each with what to do about it.
+  std::vector<std::string> Notes() const;
 
   uint64_t off_events() const { return cd_events - on_events; }
   double events_per_s() const {

@@ -83,6 +83,7 @@ std::string FormatInfo(const EventFileInfo& info) {
     }
     AppendLine(&text, absl::StrCat("  ", kind.text), value);
   }
+  for (const std::string& note : info.Notes()) AppendLine(&text, "note", note);
   for (const Refusal& refusal : info.refused) {
     AppendLine(&text, absl::StrCat("  ", std::string(NameOf(refusal.reason))),
                absl::StrCat(refusal.count, ", the first one ", refusal.example));
@@ -129,6 +130,7 @@ std::string InfoJson(const EventFileInfo& info) {
     json["faults"][kind.name] = info.faults.*kind.count;
   }
   json["first_faults"] = info.first_faults;
+  json["notes"] = info.Notes();
   json["refused"] = Json::array();
   for (const Refusal& refusal : info.refused) {
     json["refused"].push_back({{"reason", NameOf(refusal.reason)},

@@ -53,7 +53,8 @@ class Hdf5RowReader {
 };
 
 PlainEvent::Kind KindOf(int polarity) {
-  return polarity == 1                     ? PlainEvent::kOn
+  // 255 is ON of masks stored as bytes.
+  return polarity == 1 || polarity == 255  ? PlainEvent::kOn
          : polarity == 0 || polarity == -1 ? PlainEvent::kOff
                                            : PlainEvent::kUnreadable;
 }

@@ -13,15 +13,16 @@ bool ToMicroseconds(int64_t time, TimeUnit unit, int64_t* time_us) {
   if (unit == TimeUnit::kSeconds) {
     return !__builtin_mul_overflow(time, int64_t{1'000'000}, time_us);
   }
+  if (unit == TimeUnit::kMilliseconds) {
+    return !__builtin_mul_overflow(time, int64_t{1000}, time_us);
+  }
   *time_us = unit == TimeUnit::kNanoseconds ? time / 1000 - (time % 1000 < 0 ? 1 : 0) : time;
   return true;
 }
 
 bool ToMicroseconds(double time, TimeUnit unit, int64_t* time_us) {
   constexpr double kMaxUs = 4e18;  // 64 bits, with room for differences
-  const double scaled = time * (unit == TimeUnit::kSeconds       ? 1e6
-                                : unit == TimeUnit::kNanoseconds ? 1e-3
-                                                                 : 1);
+  const double scaled = time * MicrosecondsOf(unit);
   if (!(std::abs(scaled) < kMaxUs)) return false;
   *time_us = std::llround(scaled);
   return true;

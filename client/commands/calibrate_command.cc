@@ -109,12 +109,15 @@ ExitCode ActivateIfGood(ServerConnection& server, const v1::Calibration& calibra
 namespace {
 
 // The intrinsics of a calibration of the server, or of another program's file.
-absl::Status AddPrior(ServerConnection& server, const std::string& prior,
+absl::Status AddPrior(ServerConnection& server, const std::string& prior, CommandContext& context,
                       v1::CalibrationOptions* options) {
   v1::Calibration calibration;
   if (IsImportPath(prior)) {
     auto imported = ImportCalibration(prior);
     if (!imported.ok()) return imported.status();
+    for (const std::string& message : imported->Messages()) {
+      context.console.Message(absl::StrCat("--prior ", prior, ": ", message));
+    }
     calibration = std::move(imported->calibration);
   } else {
     auto found = CalibrationOf(server.CallWithId(&CalibrationStub::GetCalibration, prior));
@@ -135,9 +138,11 @@ absl::Status AddPrior(ServerConnection& server, const std::string& prior,
 
 // What the options mean: kinds of solve, and the calibration that they derive from.
 absl::Status CompleteOptions(const CalibrateOptions& options, ServerConnection& server,
-                             v1::CalibrationOptions* request) {
+                             CommandContext& context, v1::CalibrationOptions* request) {
   if (!options.prior.empty()) {
-    if (absl::Status status = AddPrior(server, options.prior, request); !status.ok()) return status;
+    if (absl::Status status = AddPrior(server, options.prior, context, request); !status.ok()) {
+      return status;
+    }
   }
   const bool is_repair = request->only_cameras_size() > 0;
   if (is_repair) request->set_kind(v1::CalibrationOptions::KIND_REPAIR);
@@ -184,7 +189,7 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
       MakeCalibrationRequest(options.sessions, options.calibration);
   request.set_reason(options.reason);
   request.set_notes(options.notes);
-  if (absl::Status status = CompleteOptions(options, server, request.mutable_options());
+  if (absl::Status status = CompleteOptions(options, server, context, request.mutable_options());
       !status.ok()) {
     return context.Fail(status);
   }

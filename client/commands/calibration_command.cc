@@ -31,15 +31,6 @@ absl::StatusOr<v1::Calibration> FetchCalibration(ServerConnection& server, const
   return CalibrationOf(server.CallWithId(&CalibrationStub::GetCalibration, id));
 }
 
-absl::StatusOr<v1::Calibration> Import(const std::string& path, CommandContext& context) {
-  absl::StatusOr<CalibrationImport> imported = ImportCalibration(path);
-  if (!imported.ok()) return imported.status();
-  for (const std::string& note : imported->notes) {
-    context.console.Message(absl::StrCat(path, ": ", note));
-  }
-  return std::move(imported->calibration);
-}
-
 // Of the server, or from a file: an exported calibration.json, or another program's.
 absl::StatusOr<v1::Calibration> FetchOrImport(ServerConnection& server, const std::string& which,
                                               CommandContext& context) {
@@ -49,15 +40,25 @@ absl::StatusOr<v1::Calibration> FetchOrImport(ServerConnection& server, const st
   return std::move(file->calibration);
 }
 
+// `left_out`: what people are told of cameras that are not in the files.
 void PrintFiles(const std::string& id, const std::vector<std::filesystem::path>& files,
-                CommandContext& context) {
+                const std::vector<LensNote>& lens_notes, CommandContext& context,
+                const std::vector<std::string>& left_out = {}) {
+  for (const LensNote& note : lens_notes) {
+    context.console.Message(absl::StrCat(
+        "camera ", note.camera, ": its lens is refitted to what the format can say, up to ",
+        FormatFixed(note.error_px, 3), " px off in the image"));
+  }
   if (context.console.format == OutputFormat::kTable) {
     for (const std::filesystem::path& file : files) context.console.out << file.string() << "\n";
     return;
   }
   auto names = nlohmann::ordered_json::array();
   for (const std::filesystem::path& file : files) names.push_back(file.string());
-  context.console.out << JsonText({{"calibration", id}, {"files", names}}) << "\n";
+  nlohmann::ordered_json answer = {{"calibration", id}, {"files", names}};
+  if (!left_out.empty()) answer["left_out"] = left_out;
+  for (const LensNote& note : lens_notes) answer["lens_error_px"][note.camera] = note.error_px;
+  context.console.out << JsonText(answer) << "\n";
 }
 
 constexpr double kMmPerM = 1000;
@@ -150,25 +151,43 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
   }
   const auto format = FindCalibrationExportFormat(options.format);
   if (!format.ok()) return context.Fail(format.status());
+  std::vector<LensNote> lens_notes;
   const bool whole = options.format == "json" && !options.undistorted;
-  const auto files = whole ? WriteJsonExport(*calibration, FetchCovariance(server, options.id),
-                                             options.output, nullptr)
-                           : WriteExport(**format, *calibration, options.output);
+  const auto files =
+      whole ? WriteJsonExport(*calibration, FetchCovariance(server, options.id), options.output,
+                              nullptr)
+            : WriteExport(**format, *calibration, options.output, options.options, &lens_notes);
   if (!files.ok()) return context.Fail(files.status());
-  PrintFiles(options.id, *files, context);
+  PrintFiles(options.id, *files, lens_notes, context);
   return ExitCode::kOk;
 }
 
 ExitCode ConvertCalibration(const CalibrationImportOptions& options, CommandContext& context) {
-  absl::StatusOr<v1::Calibration> calibration = Import(options.path, context);
-  if (!calibration.ok()) return context.Fail(calibration.status());
-  if (options.undistorted) *calibration = Undistorted(*std::move(calibration));
+  absl::StatusOr<CalibrationImport> imported = ImportCalibration(options.path);
+  if (!imported.ok()) return context.Fail(imported.status());
+  for (const std::string& message : imported->Messages()) {
+    context.console.Message(absl::StrCat(options.path, ": ", message));
+  }
+  v1::Calibration& calibration = imported->calibration;
+  if (options.undistorted) calibration = Undistorted(std::move(calibration));
   const auto format = FindCalibrationExportFormat(options.format);
   if (!format.ok()) return context.Fail(format.status());
-  const auto files = WriteExport(**format, *calibration, options.output);
+  if (imported->lenses_only && !(*format)->lenses_alone) {
+    absl::Status status = CheckHasPoses(options.path, *imported);
+    return context.Fail(absl::Status(status.code(), absl::StrCat(std::string(status.message()),
+                                                                 "; --format opencv and --format "
+                                                                 "ros write lenses alone")));
+  }
+  if (imported->lenses_only) {
+    context.console.Message(absl::StrCat(options.path, ": has no poses; lenses alone are written"));
+  }
+  std::vector<LensNote> lens_notes;
+  const auto files =
+      WriteExport(**format, calibration, options.output, options.options, &lens_notes);
   if (!files.ok()) return context.Fail(files.status());
-  PrintFiles(options.path, *files, context);
-  return ExitCode::kOk;
+  PrintFiles(options.path, *files, lens_notes, context, imported->left_out);
+  const bool complete = imported->left_out.empty() && imported->doubts.empty();
+  return complete ? ExitCode::kOk : ExitCode::kIncomplete;
 }
 
 ExitCode CompareCalibrations(const CalibrationPair& ids, CommandContext& context) {

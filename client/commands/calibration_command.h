@@ -7,6 +7,7 @@
 #include "absl/status/statusor.h"
 #include "client/commands/command_context.h"
 #include "client/net/paging.h"
+#include "common/export/calibration_export.h"
 #include "rigcal/v1/calibration_service.pb.h"
 
 namespace rigcal::client {
@@ -16,6 +17,7 @@ struct CalibrationExportOptions {
   std::string format;        // a name of CalibrationExportFormats
   std::string output;        // folder, made where missing; "-" (JSON only): standard output
   bool undistorted = false;  // for images without lens distortion
+  ExportOptions options;
 };
 
 struct CalibrationImportOptions {
@@ -23,6 +25,7 @@ struct CalibrationImportOptions {
   std::string format;  // a name of CalibrationExportFormats
   std::string output;  // folder, made where missing
   bool undistorted = false;
+  ExportOptions options;
 };
 
 // Ids, or paths of other programs' files (client/results/calibration_import.h).
@@ -40,6 +43,7 @@ ExitCode DeleteCalibration(const std::string& id, CommandContext& context);
 // Prints the files it wrote.
 ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandContext& context);
 // Reads another program's file and writes it in a format of ours. Prints the files it wrote.
+// kIncomplete where a camera of the file is not in them, or may be misread; each is named.
 ExitCode ConvertCalibration(const CalibrationImportOptions& options, CommandContext& context);
 // Prints how B differs from A.
 ExitCode CompareCalibrations(const CalibrationPair& ids, CommandContext& context);

@@ -117,6 +117,22 @@ constexpr char kUndistortedHelp[] =
     "For images whose lens distortion was taken out with the camera matrix kept: every camera is a "
     "pinhole";
 
+void AddExportOptions(CLI::App* app, ExportOptions* options) {
+  AddOption(app, "--max-error-px", "PX", &options->max_error_px,
+            "Where the format cannot say a lens, the nearest one that it can say is written if it "
+            "shows no point of the image wrong by more than this (default 0.5)")
+      ->check(NumberBetween(0, 100));
+  AddParsedOption(
+      app, "--up", "y|z", &options->up,
+      [](const std::string& text) -> absl::StatusOr<UpAxis> {
+        if (text == "y") return UpAxis::kY;
+        if (text == "z") return UpAxis::kZ;
+        return absl::InvalidArgumentError("must be y or z");
+      },
+      "The axis of the rig frame that points up (z after rigcal calibration origin), for blender, "
+      "whose z is up, and usd, which says its axis; without it the axes stay as they are");
+}
+
 void AddExport(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "export", "Write a calibration as files for other programs", ExportCalibration);
@@ -134,6 +150,7 @@ void AddExport(CommandParser& parser, CLI::App* group) {
             "Folder to write into, made where missing; - with json: stdout")
       ->required();
   app->add_flag("--undistorted", options->undistorted, kUndistortedHelp);
+  AddExportOptions(app, &options->options);
   app->parse_complete_callback([options = options] {
     if (options->output == "-" && options->format != "json") {
       throw CLI::ValidationError("--output -", "goes with --format json only");
@@ -146,10 +163,12 @@ void AddImport(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "import", "Read another program's calibration and write it in a format of ours",
       ConvertCalibration);
-  AddArgument(app, "FILE",
-              "OpenCV (a folder of .yaml files), kalibr, caliscope or anipose, QTM (.qca.txt) or "
-              "Vicon (.xcp)",
-              &options->path);
+  AddArgument(
+      app, "FILE",
+      "OpenCV or ROS (a file, or a folder of .yaml, .xml or .json files), kalibr, caliscope, "
+      "anipose or Pose2Sim, QTM (.qca.txt), Vicon (.xcp), COLMAP (a folder), nerfstudio, "
+      "OpenMVG, or an exported calibration.json",
+      &options->path);
   std::vector<std::string> names;
   for (const CalibrationExportFormat& format : CalibrationExportFormats()) {
     names.emplace_back(format.name);
@@ -161,6 +180,7 @@ void AddImport(CommandParser& parser, CLI::App* group) {
   AddOption(app, "--output", "DIR", &options->output, "Folder to write into, made where missing")
       ->required();
   app->add_flag("--undistorted", options->undistorted, kUndistortedHelp);
+  AddExportOptions(app, &options->options);
 }
 
 void AddCompare(CommandParser& parser, CLI::App* group) {

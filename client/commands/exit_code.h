@@ -17,6 +17,7 @@ enum class ExitCode : int {
   kNotVerified = 5,
   kServerUnreachable = 6,
   kCameraMoved = 7,
+  kIncomplete = 8,
 };
 
 // The list that ends every --help.
@@ -30,6 +31,8 @@ inline constexpr std::string_view kExitCodeHelp =
     "  5  not verified: observations damaged, missing or waiting (session verify)\n"
     "  6  server unreachable\n"
     "  7  a camera has moved, or it cannot be told (monitor)\n"
+    "  8  written, but not all of it: a camera was left out or may be misread (calibration "
+    "import)\n"
     "Ended by a signal: 128 and its number, as the shell counts it.";
 
 // UNAVAILABLE and DEADLINE_EXCEEDED: the server did not answer. UNAUTHENTICATED and

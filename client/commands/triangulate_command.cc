@@ -11,6 +11,7 @@
 #include "client/commands/fetch_calibration.h"
 #include "client/commands/triangulate_stream.h"
 #include "client/output/output.h"
+#include "client/results/calibration_import.h"
 #include "client/results/marker_rows.h"
 #include "client/results/triangulation_file.h"
 #include "common/file/durable_file.h"
@@ -58,6 +59,12 @@ absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandO
 }  // namespace
 
 ExitCode TriangulateData(const TriangulateCommandOptions& options, CommandContext& context) {
+  if (options.data == "-" && IsImportPath(options.calibration)) {
+    return context.Fail(absl::InvalidArgumentError(absl::StrCat(
+        options.calibration,
+        " is a file, and rows that come on stdin are triangulated by the server, which "
+        "has calibrations by their id; give the file with --data DIR")));
+  }
   if (options.data == "-") {
     if (options.output == "-") return TriangulateLines(options, std::cin, context);
     return context.Fail(absl::InvalidArgumentError(

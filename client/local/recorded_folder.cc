@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "common/camera/intrinsics_file.h"
+#include "common/import/intrinsics_file.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
@@ -19,11 +19,11 @@ namespace fs = std::filesystem;
 
 constexpr char kLayout[] =
     "a recorded rig is a folder with <camera>.csv (markers) or <camera>.raw, .h5 or .hdf5 (events) "
-    "and <camera>.yaml (OpenCV intrinsics) for each camera";
+    "and <camera>.yaml (intrinsics; .yml, .xml and .json, too) for each camera";
 
 struct Listing {
   std::map<std::string, std::set<std::string>> recordings;  // file names, by stem
-  std::set<std::string> yaml;                               // stems
+  std::set<std::string> yaml;                               // stems of .yaml
 };
 
 bool IsEventFile(const fs::path& file) {
@@ -59,15 +59,16 @@ absl::StatusOr<Listing> List(const fs::path& folder) {
   return listing;
 }
 
-void CheckCamera(const RecordedCamera& camera, bool has_yaml, FaultList* faults) {
-  const std::string yaml = camera.recording.parent_path() / (camera.camera + ".yaml");
+void CheckCamera(const RecordedCamera& camera, FaultList* faults) {
+  const std::string yaml = LensFileBeside(camera.recording.string());
+  std::error_code error;
   if (const absl::Status name = ValidateName("camera name", camera.camera); !name.ok()) {
     faults->Add(camera.recording.string(),
                 ": a camera is named after its file: ", std::string(name.message()));
-  } else if (!has_yaml) {
+  } else if (!fs::exists(yaml, error)) {
     faults->Add("camera ", camera.camera, ": ", camera.recording.filename().string(),
                 " is there, but ", yaml, " with its intrinsics is missing");
-  } else if (const auto intrinsics = ReadIntrinsicsFile(yaml); !intrinsics.ok()) {
+  } else if (const auto intrinsics = ReadIntrinsicsFile(yaml, camera.camera); !intrinsics.ok()) {
     faults->Add("camera ", camera.camera, ": ", std::string(intrinsics.status().message()));
   }
 }
@@ -90,7 +91,7 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
       faults.Add("camera ", stem, " has several recordings: ", absl::StrJoin(files, ", "),
                  "; leave one of them in ", path.string());
     }
-    CheckCamera(camera, listing.yaml.contains(stem), &faults);
+    CheckCamera(camera, &faults);
     folder.cameras.push_back(std::move(camera));
   }
   for (const std::string& stem : listing.yaml) {

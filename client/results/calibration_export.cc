@@ -39,8 +39,10 @@ absl::StatusOr<std::vector<std::filesystem::path>> WriteFiles(
 
 absl::StatusOr<std::vector<std::filesystem::path>> WriteExport(
     const CalibrationExportFormat& format, const v1::Calibration& calibration,
-    const std::filesystem::path& directory) {
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<ExportFile> files, format.make(calibration));
+    const std::filesystem::path& directory, const ExportOptions& options,
+    std::vector<LensNote>* notes) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<ExportFile> files,
+                          format.make(calibration, options, notes));
   return WriteFiles(files, directory);
 }
 

@@ -18,7 +18,8 @@ struct GroundTruthComparison;
 
 absl::StatusOr<std::vector<std::filesystem::path>> WriteExport(
     const CalibrationExportFormat& format, const rigcal::v1::Calibration& calibration,
-    const std::filesystem::path& directory);
+    const std::filesystem::path& directory, const ExportOptions& options = {},
+    std::vector<LensNote>* notes = nullptr);
 
 // The calibration as `calibration.json`, with the covariance of its cameras (empty: none) and the
 // comparison where there is one.

@@ -9,6 +9,7 @@
 #include <sstream>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "client/output/output.h"
 #include "client/results/calibration_import.h"
@@ -29,6 +30,14 @@ absl::Status NoCalibration(const std::string& what, const std::string& why) {
   return absl::InvalidArgumentError(
       absl::StrCat(what, " is not the JSON of a calibration (", why,
                    "); rigcal calibration export ID --format json writes one"));
+}
+
+absl::StatusOr<std::string> TextOf(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  if (stream) return text.str();
+  return absl::NotFoundError(absl::StrCat("cannot read the calibration ", file.string()));
 }
 
 }  // namespace
@@ -53,23 +62,32 @@ absl::StatusOr<CalibrationFile> ParseCalibrationJson(const std::string& what,
   return file;
 }
 
-absl::StatusOr<CalibrationFile> ReadCalibration(const std::string& path) {
+std::string OwnCalibrationPath(const std::string& path) {
   fs::path file = path;
   std::error_code error;
-  if (fs::is_directory(file, error) && fs::exists(file / "calibration.json", error)) {
-    file /= "calibration.json";
+  if (fs::is_directory(file, error)) file /= "calibration.json";
+  if (!fs::is_regular_file(file, error) ||
+      absl::AsciiStrToLower(file.extension().string()) != ".json") {
+    return "";
   }
-  if (file.extension() != ".json") {
+  // Of other programs, and of OpenCV, those that say so; what is no JSON at all is taken for ours,
+  // so that the message says how ours looks.
+  const auto text = TextOf(file);
+  const auto json = text.ok() ? ParseJson<nlohmann::json>(*text) : nlohmann::json();
+  const bool other = json.is_object() && !json.contains("cameras") && !json.empty();
+  return other ? "" : file.string();
+}
+
+absl::StatusOr<CalibrationFile> ReadCalibration(const std::string& path) {
+  const std::string own = OwnCalibrationPath(path);
+  if (own.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(CalibrationImport imported, ImportCalibration(path));
-    return CalibrationFile{std::move(imported.calibration), {}, std::move(imported.notes)};
+    RIGCAL_RETURN_IF_ERROR(CheckHasPoses(path, imported));
+    std::vector<std::string> messages = imported.Messages();
+    return CalibrationFile{std::move(imported.calibration), {}, std::move(messages)};
   }
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  if (!stream) {
-    return absl::NotFoundError(absl::StrCat("cannot read the calibration ", file.string()));
-  }
-  return ParseCalibrationJson(file.string(), text.str());
+  RIGCAL_ASSIGN_OR_RETURN(const std::string text, TextOf(own));
+  return ParseCalibrationJson(own, text);
 }
 
 std::string CalibrationText(const CalibrationFile& file) {

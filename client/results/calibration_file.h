@@ -23,6 +23,10 @@ struct CalibrationFile {
 absl::StatusOr<CalibrationFile> ParseCalibrationJson(const std::string& what,
                                                      const std::string& json);
 
+// The calibration.json of ours that a path names: itself, or that in the folder. Empty: another
+// program's file, or none.
+std::string OwnCalibrationPath(const std::string& path);
+
 // Reads an exported calibration.json (or the folder that holds it), or a file of another program
 // (calibration_import.h), which has no covariance. NOT_FOUND, INVALID_ARGUMENT.
 absl::StatusOr<CalibrationFile> ReadCalibration(const std::string& path);

@@ -19,9 +19,6 @@ std::string YamlOf(const CameraExport& camera) {
                             intrinsics.fy_px, intrinsics.cy_px, 0, 0, 1);
   cv::Mat distortion = cv::Mat::zeros(1, CoefficientCount(intrinsics.model), CV_64F);
   std::copy(intrinsics.distortion.begin(), intrinsics.distortion.end(), distortion.begin<double>());
-  cv::Mat extrinsics(4, 4, CV_64F);
-  Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(extrinsics.ptr<double>()) =
-      camera.cam_from_rig.Matrix();
   cv::FileStorage storage(".yaml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
   storage << "camera_name" << camera.camera;
   storage << "image_width" << static_cast<int>(camera.image_size_px.width);
@@ -29,8 +26,13 @@ std::string YamlOf(const CameraExport& camera) {
   storage << "camera_matrix" << matrix;
   storage << "distortion_model" << std::string(DistortionModelName(intrinsics.model));
   storage << "distortion_coefficients" << distortion;
-  storage << "extrinsics" << extrinsics;
-  storage << "reprojection_error" << camera.reprojection_error_px;
+  if (camera.cam_from_rig) {
+    cv::Mat extrinsics(4, 4, CV_64F);
+    Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(extrinsics.ptr<double>()) =
+        camera.cam_from_rig->Matrix();
+    storage << "extrinsics" << extrinsics;
+    storage << "reprojection_error" << camera.reprojection_error_px;
+  }
   if (camera.line_delay_s != 0) storage << "line_delay" << camera.line_delay_s;
   return storage.releaseAndGetString();
 }
@@ -41,7 +43,7 @@ absl::StatusOr<std::string> CameraExportText(const CameraExport& camera) {
   FaultList faults;
   faults.Add(camera.image_size_px.Validate());
   faults.Add(camera.intrinsics.Validate(camera.image_size_px));
-  if (!camera.cam_from_rig.Matrix().allFinite() ||
+  if ((camera.cam_from_rig && !camera.cam_from_rig->Matrix().allFinite()) ||
       !std::isfinite(camera.reprojection_error_px + camera.line_delay_s)) {
     faults.Add("pose, error or line delay is not finite");
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "absl/status/status.h"
@@ -15,9 +16,9 @@ struct CameraExport {
   std::string camera;
   ImageSize image_size_px;
   Intrinsics intrinsics;
-  RigidTransform cam_from_rig;       // metres
-  double reprojection_error_px = 0;  // mean
-  double line_delay_s = 0;           // from one image row to the next; 0: none is known
+  std::optional<RigidTransform> cam_from_rig = RigidTransform();  // metres; none: the lens alone
+  double reprojection_error_px = 0;                               // mean
+  double line_delay_s = 0;  // from one image row to the next; 0: none is known
 };
 
 // An OpenCV FileStorage YAML with the fields of the eWand result: camera_name, image_width,

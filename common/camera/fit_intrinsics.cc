@@ -46,13 +46,20 @@ IntrinsicsVector StartValues(DistortionModel model, const Intrinsics& start) {
 
 absl::StatusOr<IntrinsicsFit> FitIntrinsics(DistortionModel model,
                                             const std::vector<RayPixel>& rays,
-                                            const Intrinsics& start) {
+                                            const Intrinsics& start, const Eigen::MatrixXd& basis) {
   IntrinsicsVector values = StartValues(model, start);
   const Eigen::Index size = values.size();
   if (2 * static_cast<Eigen::Index>(rays.size()) < size) {
     return absl::InvalidArgumentError(
         absl::StrCat("intrinsics: ", rays.size(), " rays are too few to fit a lens to"));
   }
+  // All are free, or the nearest of those that the basis has begin.
+  const Eigen::MatrixXd free = basis.size() > 0 ? basis : Eigen::MatrixXd::Identity(size, size);
+  const auto in_basis = [&free, &basis](const IntrinsicsVector& any) -> IntrinsicsVector {
+    if (basis.size() == 0) return any;
+    return free * (free.transpose() * free).ldlt().solve(free.transpose() * any);
+  };
+  values = in_basis(values);
   double cost = FitCost(model, rays, values);
   if (!std::isfinite(cost)) {
     values.tail(size - 4).setZero();
@@ -71,9 +78,10 @@ absl::StatusOr<IntrinsicsFit> FitIntrinsics(DistortionModel model,
     }
     const double before = cost;
     for (; damping < kMaxFitDamping; damping *= 10) {
-      Eigen::MatrixXd damped = information;
+      Eigen::MatrixXd damped = free.transpose() * information * free;
       damped.diagonal() *= 1 + damping;
-      const IntrinsicsVector next = values - damped.ldlt().solve(gradient);
+      const IntrinsicsVector next =
+          values - free * damped.ldlt().solve(free.transpose() * gradient);
       const double next_cost =
           next.allFinite() ? FitCost(model, rays, next) : std::numeric_limits<double>::infinity();
       if (!(next_cost < cost)) continue;

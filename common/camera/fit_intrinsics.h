@@ -24,10 +24,13 @@ struct IntrinsicsFit {
 // Marquardt; Nocedal and Wright, Numerical Optimization, section 10.3), from the focal lengths,
 // principal point and, of the same family, the coefficients of `start`. For describing a lens that
 // is known in one model by another.
+// `basis`, where it has elements, says which intrinsics there are: values = basis * free values, as
+// for one focal length for both axes, or none of some coefficients.
 // INVALID_ARGUMENT: fewer rays than the model has parameters. FAILED_PRECONDITION: no such
 // intrinsics were found.
 absl::StatusOr<IntrinsicsFit> FitIntrinsics(DistortionModel model,
                                             const std::vector<RayPixel>& rays,
-                                            const Intrinsics& start);
+                                            const Intrinsics& start,
+                                            const Eigen::MatrixXd& basis = {});
 
 }  // namespace rigcal

@@ -40,7 +40,14 @@ for entry in CAMERAS:
     view.render.pixel_aspect_x, view.render.pixel_aspect_y = entry["aspect"]
 )";
 
-absl::StatusOr<std::string> EntryOf(const ExportedCamera& camera) {
+// Blender's z axis points up.
+Eigen::Matrix4d BlenderFromRig(UpAxis up) {
+  Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
+  if (up == UpAxis::kY) turn.topLeftCorner<3, 3>() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+  return turn;
+}
+
+absl::StatusOr<std::string> EntryOf(const ExportedCamera& camera, UpAxis up) {
   RIGCAL_RETURN_IF_ERROR(CheckNoDistortion(camera, "Blender"));
   const Intrinsics& k = camera.intrinsics;
   const double width = camera.image_size_px.width, height = camera.image_size_px.height;
@@ -55,11 +62,16 @@ absl::StatusOr<std::string> EntryOf(const ExportedCamera& camera) {
   const double aspect[] = {tall < 1 ? 1 / tall : 1, tall < 1 ? 1 : tall};
   const double shift[] = {(width / 2 - (k.cx_px + 0.5)) / width,
                           (k.cy_px + 0.5 - height / 2) * tall / width};
-  return absl::StrCat("    {\"name\": \"", camera.name, "\", \"size\": [", width, ", ", height,
-                      "], \"lens\": ", DecimalText(lens_mm), ", \"shift\": ", DecimalList(shift),
-                      ", \"aspect\": ", DecimalList(aspect),
-                      ",\n     \"matrix\": ", DecimalMatrix<4, 4>(RigFromOpenGlCamera(camera)),
-                      "},\n");
+  const std::string lens_note =
+      camera.refit_error_px > 0
+          ? absl::StrCat("    # the lens is refitted: up to ", DecimalText(camera.refit_error_px),
+                         " px off in the image\n")
+          : "";
+  const Eigen::Matrix4d pose = BlenderFromRig(up) * RigFromOpenGlCamera(camera);
+  return absl::StrCat(lens_note, "    {\"name\": \"", camera.name, "\", \"size\": [", width, ", ",
+                      height, "], \"lens\": ", DecimalText(lens_mm),
+                      ", \"shift\": ", DecimalList(shift), ", \"aspect\": ", DecimalList(aspect),
+                      ",\n     \"matrix\": ", DecimalMatrix<4, 4>(pose), "},\n");
 }
 
 }  // namespace
@@ -69,7 +81,7 @@ ExportFiles WriteBlender(const ExportedRig& rig) {
                                   ", metres. Run it in Blender: blender --python rig.py\n"
                                   "import bpy\nimport mathutils\n\nCAMERAS = [\n");
   for (const ExportedCamera& camera : rig.cameras) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::string entry, EntryOf(camera));
+    RIGCAL_ASSIGN_OR_RETURN(const std::string entry, EntryOf(camera, rig.up));
     text += entry;
   }
   return std::vector<ExportFile>{{"rig.py", absl::StrCat(text, "]\n", kBody)}};

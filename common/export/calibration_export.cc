@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "common/export/format_writers.h"
+#include "common/export/lens_refit.h"
 #include "common/export/rig_model.h"
 #include "common/status/status_macros.h"
 
@@ -14,13 +15,32 @@ namespace rigcal {
 namespace {
 
 // Of a writer, from the calibration instead of the neutral model.
-template <ExportFiles (*kWrite)(const ExportedRig&)>
-ExportFiles Make(const v1::Calibration& calibration) {
-  RIGCAL_ASSIGN_OR_RETURN(const ExportedRig rig, RigOf(calibration));
+template <ExportFiles (*kWrite)(const ExportedRig&), LensRange kRange = LensRange::kAll,
+          const char* kProgram = nullptr, bool kLensesAlone = false>
+ExportFiles Make(const v1::Calibration& calibration, const ExportOptions& options,
+                 std::vector<LensNote>* notes) {
+  RIGCAL_ASSIGN_OR_RETURN(ExportedRig rig, RigOf(calibration));
+  if (!rig.has_poses && !kLensesAlone) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        calibration.id(), " has lenses and no poses, which this format needs; use opencv or ros"));
+  }
+  rig.up = options.up;
+  RIGCAL_RETURN_IF_ERROR(RefitLenses(kRange, kProgram, options.max_error_px, &rig));
+  for (const ExportedCamera& camera : rig.cameras) {
+    if (notes == nullptr || camera.refit_error_px == 0) continue;
+    notes->push_back({camera.name, camera.refit_error_px});
+  }
   return kWrite(rig);
 }
 
-absl::StatusOr<std::vector<ExportFile>> MakeJson(const v1::Calibration& calibration) {
+constexpr char kKalibrProgram[] = "kalibr";
+constexpr char kNerfstudioProgram[] = "nerfstudio";
+constexpr char kOpenMvgProgram[] = "OpenMVG";
+constexpr char kBlenderProgram[] = "Blender";
+constexpr char kUsdProgram[] = "USD";
+
+absl::StatusOr<std::vector<ExportFile>> MakeJson(const v1::Calibration& calibration,
+                                                 const ExportOptions&, std::vector<LensNote>*) {
   RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
   google::protobuf::util::JsonPrintOptions options;
   options.add_whitespace = true;
@@ -46,28 +66,31 @@ constexpr CalibrationExportFormat kFormats[] = {
     {"opencv",
      "one FileStorage YAML per camera (camera_matrix, distortion_coefficients, extrinsics: "
      "cam_from_rig 4x4 in metres, reprojection_error; line_delay of a rolling shutter)",
-     kYaml, &Make<&WriteOpenCvYaml>},
-    {"json", "the whole calibration", kJsonType, &MakeJson},
-    {"kalibr", "camchain with clock offsets; no third radial coefficient, no rational lens", kYaml,
-     &Make<&WriteKalibr>},
-    {"ros", "camera_info per camera, static transforms as launch files of ROS 1 and 2", kText,
-     &Make<&WriteRos>},
-    {"colmap", "model as text, first pixel centre (0.5, 0.5)", kText, &Make<&WriteColmapText>},
-    {"colmap-binary", "the same as binary files", kBinary, &Make<&WriteColmapBinary>},
-    {"nerfstudio", "transforms.json with OpenGL's axes; no rational lens", kJsonType,
-     &Make<&WriteNerfstudio>},
-    {"anipose", "calibration.toml", kTomlType, &Make<&WriteAnipose>},
-    {"pose2sim", "calibration TOML; no fisheye lens", kTomlType, &Make<&WritePose2Sim>},
-    {"caliscope", "camera_array.toml; cameras are numbered there", kTomlType,
+     kYaml, true, &Make<&WriteOpenCvYaml, LensRange::kAll, nullptr, true>},
+    {"json", "the whole calibration", kJsonType, false, &MakeJson},
+    {"kalibr",
+     "camchain with clock offsets; lenses as radtan or equidistant, refitted where they are others",
+     kYaml, false, &Make<&WriteKalibr, LensRange::kRadtan, kKalibrProgram>},
+    {"ros", "camera_info per camera, static transforms as launch files of ROS 1 and 2", kText, true,
+     &Make<&WriteRos, LensRange::kAll, nullptr, true>},
+    {"colmap", "model as text, first pixel centre (0.5, 0.5)", kText, false,
+     &Make<&WriteColmapText>},
+    {"colmap-binary", "the same as binary files", kBinary, false, &Make<&WriteColmapBinary>},
+    {"nerfstudio", "transforms.json with OpenGL's axes; rational lenses are refitted", kJsonType,
+     false, &Make<&WriteNerfstudio, LensRange::kNoRational, kNerfstudioProgram>},
+    {"anipose", "calibration.toml", kTomlType, false, &Make<&WriteAnipose>},
+    {"pose2sim", "calibration TOML; no fisheye lens", kTomlType, false, &Make<&WritePose2Sim>},
+    {"caliscope", "camera_array.toml; cameras are numbered there", kTomlType, false,
      &Make<&WriteCaliscope>},
-    {"mcap", "Foxglove's CameraCalibration and FrameTransforms", kBinary, &Make<&WriteMcap>},
-    {"openmvg", "sfm_data.json; one focal length, no rational lens", kJsonType,
-     &Make<&WriteOpenMvg>},
-    {"matlab", "MAT-file of level 5 with a struct array, first pixel centre (1, 1)", kBinary,
+    {"mcap", "Foxglove's CameraCalibration and FrameTransforms", kBinary, false, &Make<&WriteMcap>},
+    {"openmvg", "sfm_data.json; lenses are refitted to one focal length", kJsonType, false,
+     &Make<&WriteOpenMvg, LensRange::kOneFocal, kOpenMvgProgram>},
+    {"matlab", "MAT-file of level 5 with a struct array, first pixel centre (1, 1)", kBinary, false,
      &Make<&WriteMatlab>},
-    {"blender", "Python script that adds the cameras; no lens distortion", kText,
-     &Make<&WriteBlender>},
-    {"usd", "cameras as a text file of USD; no lens distortion", kText, &Make<&WriteUsd>},
+    {"blender", "Python script that adds the cameras; no lens distortion", kText, false,
+     &Make<&WriteBlender, LensRange::kPinhole, kBlenderProgram>},
+    {"usd", "cameras as a text file of USD; no lens distortion", kText, false,
+     &Make<&WriteUsd, LensRange::kPinhole, kUsdProgram>},
 };
 
 // "calibration.json" -> ".json"

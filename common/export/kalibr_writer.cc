@@ -52,6 +52,10 @@ absl::StatusOr<std::string> CameraLines(const ExportedRig& rig, size_t index) {
         PoseLines("T_cn_cnm1", camera.cam_from_rig * rig.cameras[index - 1].cam_from_rig.Inverse());
   }
   const double intrinsics[] = {k.fx_px, k.fy_px, k.cx_px, k.cy_px};
+  if (camera.refit_error_px > 0) {
+    absl::StrAppend(&lines, "  # the lens is refitted: up to ", DecimalText(camera.refit_error_px),
+                    " px off in the image\n");
+  }
   absl::StrAppend(&lines, "  camera_model: pinhole\n",
                   "  distortion_coeffs: ", DecimalList(lens.coefficients),
                   "\n  distortion_model: ", lens.model, "\n  intrinsics: ", DecimalList(intrinsics),

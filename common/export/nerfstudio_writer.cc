@@ -30,6 +30,8 @@ absl::StatusOr<nlohmann::ordered_json> FrameOf(const ExportedCamera& camera) {
   } else {
     frame.update({{"k1", k[0]}, {"k2", k[1]}, {"k3", k[4]}, {"p1", k[2]}, {"p2", k[3]}});
   }
+  // A field of ours, which nerfstudio ignores.
+  if (camera.refit_error_px > 0) frame["rigcal_lens_error_px"] = camera.refit_error_px;
   const Eigen::Matrix4d pose = RigFromOpenGlCamera(camera);
   auto matrix = nlohmann::ordered_json::array();
   for (int i = 0; i < 4; ++i) {

@@ -15,7 +15,7 @@ ExportFiles WriteOpenCvYaml(const ExportedRig& rig) {
     values.camera = camera.name;
     values.image_size_px = camera.image_size_px;
     values.intrinsics = camera.intrinsics;
-    values.cam_from_rig = camera.cam_from_rig;
+    values.cam_from_rig = rig.has_poses ? std::optional(camera.cam_from_rig) : std::nullopt;
     values.reprojection_error_px = camera.mean_error_px;
     values.line_delay_s = camera.line_delay_s;
     RIGCAL_ASSIGN_OR_RETURN(std::string text, CameraExportText(values));

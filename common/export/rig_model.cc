@@ -28,14 +28,16 @@ absl::Status CheckValues(const ExportedCamera& camera) {
   return faults.Result();
 }
 
-absl::StatusOr<ExportedCamera> CameraOf(const v1::CalibratedCamera& proto) {
+absl::StatusOr<ExportedCamera> CameraOf(const v1::CalibratedCamera& proto, bool has_pose) {
   // The name becomes a file name.
   RIGCAL_RETURN_IF_ERROR(ValidateName("camera name", proto.camera()));
   ExportedCamera camera;
   camera.name = proto.camera();
   camera.image_size_px = wire::FromProto(proto.image_size_px());
   RIGCAL_ASSIGN_OR_RETURN(camera.intrinsics, wire::FromProto(proto.intrinsics()));
-  RIGCAL_ASSIGN_OR_RETURN(camera.cam_from_rig, wire::FromProto(proto.cam_from_rig()));
+  if (has_pose) {
+    RIGCAL_ASSIGN_OR_RETURN(camera.cam_from_rig, wire::FromProto(proto.cam_from_rig()));
+  }
   camera.time_offset_s = proto.time_offset_s();
   camera.time_rate_ppm = proto.time_rate_ppm();
   camera.time_epoch_s = proto.time_epoch_s();
@@ -81,8 +83,12 @@ absl::StatusOr<ExportedRig> RigOf(const v1::Calibration& calibration) {
   const auto& created = calibration.run().create_time();
   rig.create_utc_ns = created.seconds() * 1'000'000'000 + created.nanos();
   rig.scale_sigma_rel = calibration.target().scale_sigma_rel();
+  rig.has_poses =
+      calibration.cameras().empty() ||
+      std::any_of(calibration.cameras().begin(), calibration.cameras().end(),
+                  [](const v1::CalibratedCamera& camera) { return camera.has_cam_from_rig(); });
   for (const v1::CalibratedCamera& proto : calibration.cameras()) {
-    absl::StatusOr<ExportedCamera> camera = CameraOf(proto);
+    absl::StatusOr<ExportedCamera> camera = CameraOf(proto, rig.has_poses);
     if (!camera.ok()) {
       return absl::DataLossError(
           absl::StrCat("camera ", proto.camera(), " of calibration ", calibration.id(),

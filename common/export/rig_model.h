@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,6 +22,13 @@ struct ExportedSigma {
   std::vector<double> intrinsics;  // fx fy cx cy and the coefficients, pixels; empty: kept as given
 };
 
+// Which axis of the rig frame points up, for formats that have an up.
+enum class UpAxis : uint8_t {
+  kAsItIs,  // the axes of the rig frame are those of the format
+  kY,
+  kZ,
+};
+
 // A camera as every writer gets it.
 struct ExportedCamera {
   std::string name;  // letters, digits, '_', '-' and '.'; not beginning with '.'
@@ -34,6 +42,8 @@ struct ExportedCamera {
   ClockCourseLine clock_course;  // to be added; not empty where the clock jumped or drifted
   double line_delay_s = 0;       // rolling shutter, from one row to the next; 0: none is known
   double mean_error_px = 0;      // reprojection error of the markers used
+  // By how much a lens that the format can say shows the image wrong; 0: it is the lens itself.
+  double refit_error_px = 0;
   std::optional<ExportedSigma> sigma;
 
   // The coefficients of the model, zeros where the intrinsics have none.
@@ -48,6 +58,8 @@ struct ExportedRig {
   int64_t create_utc_ns = 0;
   double scale_sigma_rel = 0;           // one sigma of every length, as a share of it; 0: not known
   std::vector<ExportedCamera> cameras;  // sorted by name
+  UpAxis up = UpAxis::kAsItIs;
+  bool has_poses = true;  // false: lenses alone, and each pose is the identity
 };
 
 // FAILED_PRECONDITION: the calibration has no result, or no metric scale. DATA_LOSS: a camera has

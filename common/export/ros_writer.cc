@@ -75,6 +75,7 @@ ExportFiles WriteRos(const ExportedRig& rig) {
   for (const ExportedCamera& camera : rig.cameras) {
     files.push_back({names[files.size()] + ".camera_info.yaml", CameraInfoText(camera)});
   }
+  if (!rig.has_poses) return files;
   files.push_back({"static_transforms.ros1.launch", LaunchText(rig, &Ros1Node)});
   files.push_back({"static_transforms.ros2.launch.xml", LaunchText(rig, &Ros2Node)});
   return files;

@@ -50,6 +50,9 @@ std::string UsdPrim(const ExportedCamera& camera, const std::string& prim) {
       "\n        float2 clippingRange = (0.01, 1000.0)\n",
       "        matrix4d xformOp:transform = ", matrix,
       "\n        uniform token[] xformOpOrder = [\"xformOp:transform\"]\n",
+      camera.refit_error_px > 0 ? absl::StrCat("        custom double rigcal:lensErrorPx = ",
+                                               DecimalText(camera.refit_error_px), "\n")
+                                : std::string(),
       "        custom string rigcal:name = \"", camera.name, "\"\n",
       "        custom int2 rigcal:imageSize = (", width, ", ", height, ")\n    }\n");
 }
@@ -59,8 +62,9 @@ std::string UsdPrim(const ExportedCamera& camera, const std::string& prim) {
 ExportFiles WriteUsd(const ExportedRig& rig) {
   std::string text =
       absl::StrCat("#usda 1.0\n(\n    defaultPrim = \"rig\"\n    doc = \"rigcal calibration ",
-                   rig.calibration_id,
-                   "\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n\n"
+                   rig.calibration_id, "\"\n    metersPerUnit = 1\n    upAxis = \"",
+                   rig.up == UpAxis::kZ ? "Z" : "Y",
+                   "\"\n)\n\n"
                    "def Xform \"rig\"\n{\n");
   std::set<std::string> taken;
   for (const ExportedCamera& camera : rig.cameras) {

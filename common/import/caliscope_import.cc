@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// caliscope's camera_array.toml: tables [cameras.0], [cameras.1], ...; anipose's calibration.toml:
-// tables [cam_0], [cam_1], ... beside [metadata]. The fields of a camera are the same.
+// caliscope's camera_array.toml: tables [cameras.0], [cameras.1], ...; anipose's and Pose2Sim's
+// calibration.toml: a table for each camera beside [metadata]. The fields of a camera are the same.
+// Pose2Sim names the tables as its user does: [cam_0], [int_cam01_img], [gopro_top].
 #include <toml++/toml.h>
 
 #include <Eigen/Geometry>
@@ -89,11 +90,48 @@ absl::StatusOr<Intrinsics> TomlIntrinsics(const TomlCamera& reader) {
   return k;
 }
 
+std::string NameOf(const toml::table& table, const std::string& key) {
+  const toml::node* const node = table.get("name");
+  if (node == nullptr) return key;
+  if (const auto number = node->value_exact<int64_t>()) return std::to_string(*number);
+  const std::string name = node->value_or(key);
+  return name.empty() ? key : name;
+}
+
+// caliscope writes "null" where a camera has no pose.
+bool HasPose(const toml::table& table, const char* field) {
+  const toml::node* const node = table.get(field);
+  return node != nullptr && node->value<std::string>().value_or("") != "null";
+}
+
+// Whether a table of the file is meant to be a camera, even if it lacks something.
+bool IsCameraTable(const std::string& key, const toml::table& table) {
+  for (const char* const field : {"matrix", "distortions", "size", "rotation", "translation"}) {
+    if (table.contains(field)) return true;
+  }
+  return key.starts_with("cam");
+}
+
+// caliscope: by how many quarters of a turn a camera's images are turned before they are shown.
+void NoteTurnedImages(const std::string& path, const toml::table& table, const std::string& name,
+                      ImportedRig* rig) {
+  const toml::node* const node = table.get("rotation_count");
+  if (node == nullptr || node->value<double>().value_or(1) == 0) return;
+  const std::string count = std::to_string(node->value<int64_t>().value_or(0));
+  rig->doubts.push_back(std::string(
+      ImportError(path, LineOfToml(*node),
+                  absl::StrCat("camera ", name, " has rotation_count = ", count,
+                               ": its images are shown turned by quarters; lens and pose are read "
+                               "as those of the image as the camera records it. Compare before you "
+                               "use them with turned images"))
+          .message()));
+}
+
 absl::StatusOr<ImportedCamera> CameraFromToml(const std::string& path, const std::string& key,
                                               const toml::table& table) {
   const TomlCamera reader(path, key, table);
   ImportedCamera camera;
-  camera.name = CameraNameFrom(table["name"].value_or(key));
+  camera.name = CameraNameFrom(NameOf(table, key));
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> size, reader.Field("size", 2));
   for (const double side : size) {
     if (!(side >= 1 && side <= kMaxImageSidePx)) {
@@ -102,7 +140,7 @@ absl::StatusOr<ImportedCamera> CameraFromToml(const std::string& path, const std
   }
   camera.image_size_px = {static_cast<uint32_t>(size[0]), static_cast<uint32_t>(size[1])};
   RIGCAL_ASSIGN_OR_RETURN(camera.intrinsics, TomlIntrinsics(reader));
-  if (table.contains("rotation") || table.contains("translation")) {
+  if (HasPose(table, "rotation") || HasPose(table, "translation")) {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> r, reader.Field("rotation", 0));
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> t, reader.Field("translation", 3));
     Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
@@ -148,11 +186,17 @@ absl::StatusOr<ImportedRig> ReadCaliscope(const std::string& path, const std::st
   for (const auto& [name, node] : nested != nullptr ? *nested : root) {
     const std::string key(name.str());
     const toml::table* const table = node.as_table();
-    if (nested == nullptr && !key.starts_with("cam")) continue;  // metadata and the like
-    if (table == nullptr) return ImportError(path, LineOfToml(node), key + " is not a table");
-    RIGCAL_ASSIGN_OR_RETURN(ImportedCamera camera,
-                            CameraFromToml(path, nested != nullptr ? "cam_" + key : key, *table));
-    rig.cameras.push_back(std::move(camera));
+    if (nested == nullptr && (table == nullptr || !IsCameraTable(key, *table))) {
+      if (!key.starts_with("cam")) continue;  // metadata and the like
+    }
+    if (table == nullptr) {
+      rig.Add(key, ImportError(path, LineOfToml(node), key + " is not a table"));
+      continue;
+    }
+    const std::string own = nested != nullptr ? "cam_" + key : key;
+    absl::StatusOr<ImportedCamera> camera = CameraFromToml(path, own, *table);
+    if (camera.ok()) NoteTurnedImages(path, *table, camera->name, &rig);
+    rig.Add(NameOf(*table, own), std::move(camera));
   }
   RIGCAL_RETURN_IF_ERROR(CheckNames(path, rig));
   RecogniseConvention(&rig);

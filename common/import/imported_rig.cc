@@ -19,6 +19,14 @@ constexpr size_t kMaxNameLetters = 64;
 
 }  // namespace
 
+void ImportedRig::Add(const std::string& name, absl::StatusOr<ImportedCamera> camera) {
+  if (camera.ok()) {
+    cameras.push_back(*std::move(camera));
+  } else {
+    left_out.push_back({name, std::string(camera.status().message())});
+  }
+}
+
 absl::Status ImportError(const std::string& path, int line, const std::string& why) {
   if (line <= 0) return absl::InvalidArgumentError(absl::StrCat(path, ": ", why));
   return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", why));
@@ -72,6 +80,9 @@ absl::Status CheckImported(const std::string& path, int line, const ImportedCame
 }
 
 absl::Status CheckNames(const std::string& path, const ImportedRig& rig) {
+  if (rig.cameras.empty() && !rig.left_out.empty()) {
+    return absl::InvalidArgumentError(rig.left_out.front().why);
+  }
   if (rig.cameras.empty()) return ImportError(path, 0, "has no cameras");
   std::set<std::string> names;
   for (const ImportedCamera& camera : rig.cameras) {

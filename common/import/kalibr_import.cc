@@ -3,9 +3,13 @@
 // with an IMU, in the IMU's frame (T_cam_imu), which is then the rig's.
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "common/import/convention.h"
 #include "common/import/import_readers.h"
 #include "common/status/status_macros.h"
@@ -122,8 +126,8 @@ std::string NameFromTopic(const std::string& topic) {
   return CameraNameFrom(topic.substr(begin, end - begin));
 }
 
-absl::StatusOr<ImportedCamera> CameraFrom(const std::string& path, const KalibrCamera& reader,
-                                          const RigidTransform* previous) {
+// Everything but the pose.
+absl::StatusOr<ImportedCamera> LensFromKalibr(const std::string& path, const KalibrCamera& reader) {
   ImportedCamera camera;
   RIGCAL_ASSIGN_OR_RETURN(camera.intrinsics, KalibrIntrinsics(reader));
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> size, reader.NumberList("resolution", 2));
@@ -132,14 +136,6 @@ absl::StatusOr<ImportedCamera> CameraFrom(const std::string& path, const KalibrC
     return reader.Error(reader.node()["resolution"], "has a resolution out of range");
   }
   camera.image_size_px = {static_cast<uint32_t>(size[0]), static_cast<uint32_t>(size[1])};
-  if (reader.Has("T_cam_imu")) {
-    RIGCAL_ASSIGN_OR_RETURN(camera.cam_from_rig, reader.Pose("T_cam_imu"));
-  } else if (previous == nullptr) {
-    camera.cam_from_rig = RigidTransform();
-  } else {
-    RIGCAL_ASSIGN_OR_RETURN(const RigidTransform step, reader.Pose("T_cn_cnm1"));
-    camera.cam_from_rig = step * *previous;
-  }
   if (reader.Has("timeshift_cam_imu")) {
     const YAML::Node shift = reader.node()["timeshift_cam_imu"];
     if (!YAML::convert<double>::decode(shift, camera.time_offset_s) ||
@@ -152,32 +148,103 @@ absl::StatusOr<ImportedCamera> CameraFrom(const std::string& path, const KalibrC
   return camera;
 }
 
+// Where the chain stands: the pose of the camera before, if it is known.
+struct KalibrChain {
+  std::optional<RigidTransform> previous;
+  std::string previous_key;
+  bool begun = false;
+};
+
+// cam_from_rig; none: the camera has no pose of its own and no camera before it. A pose of another
+// program's file (T_imu_cam) is not taken.
+absl::StatusOr<std::optional<RigidTransform>> PoseFromKalibr(const KalibrCamera& reader,
+                                                             const KalibrChain& chain) {
+  if (reader.Has("T_cam_imu")) return reader.Pose("T_cam_imu");
+  if (!chain.begun) return RigidTransform();
+  if (!reader.Has("T_cn_cnm1")) return std::nullopt;
+  RIGCAL_ASSIGN_OR_RETURN(const RigidTransform step, reader.Pose("T_cn_cnm1"));
+  if (!chain.previous) {
+    return reader.Error(reader.node(), absl::StrCat("has a pose relative to ", chain.previous_key,
+                                                    " (T_cn_cnm1), whose own pose is not known"));
+  }
+  return step * *chain.previous;
+}
+
+// The numbers of cam0, cam1, ... that a file has.
+std::vector<size_t> KalibrNumbers(const YAML::Node& root) {
+  std::vector<size_t> numbers;
+  for (const auto& field : root) {
+    if (!field.first.IsScalar()) continue;
+    absl::string_view key = field.first.Scalar();
+    uint32_t number = 0;
+    if (absl::ConsumePrefix(&key, "cam") && absl::SimpleAtoi(key, &number) &&
+        absl::StrCat(number) == key) {
+      numbers.push_back(number);
+    }
+  }
+  std::sort(numbers.begin(), numbers.end());
+  return numbers;
+}
+
 }  // namespace
 
 absl::StatusOr<ImportedRig> ReadKalibr(const std::string& path, const std::string& text) {
   RIGCAL_RETURN_IF_ERROR(CheckText(path, text, NestedFormat::kYaml));
   YAML::Node root;
   try {
-    root = YAML::Load(text);
+    root = YAML::Load(WithoutYamlDirective(text));
   } catch (const YAML::Exception& exception) {
     return ImportError(path, exception.mark.line + 1, exception.msg);
   }
-  if (!root.IsMap() || !root["cam0"].IsMap()) {
+  const std::vector<size_t> numbers = root.IsMap() ? KalibrNumbers(root) : std::vector<size_t>();
+  if (numbers.empty()) {
     return ImportError(path, 0, "is not kalibr's camchain: it has no cam0");
   }
   ImportedRig rig{"kalibr", {}, {}};
   std::vector<std::string> topics;
-  for (size_t i = 0;; ++i) {
-    const std::string key = absl::StrCat("cam", i);
+  KalibrChain chain;
+  for (size_t i = 0; i < numbers.size(); ++i) {
+    const std::string key = absl::StrCat("cam", numbers[i]);
+    const std::string before = absl::StrCat("cam", numbers[i] > 0 ? numbers[i] - 1 : 0);
     const YAML::Node node = root[key];
-    if (!node.IsDefined()) break;
-    if (!node.IsMap()) return ImportError(path, LineOf(node), key + " has no fields");
+    // A number that is missing is a gap: what hangs on it has no pose.
+    if (i > 0 ? numbers[i] != numbers[i - 1] + 1 : numbers[i] != 0) {
+      chain = {.previous = std::nullopt, .previous_key = before, .begun = true};
+      rig.left_out.push_back(
+          {before, std::string(ImportError(path, LineOf(node),
+                                           absl::StrCat(before, " is missing before ", key))
+                                   .message())});
+    }
+    if (!node.IsMap()) {
+      rig.Add(key, ImportError(path, LineOf(node), key + " has no fields"));
+      chain = {.previous = std::nullopt, .previous_key = key, .begun = true};
+      continue;
+    }
     const KalibrCamera reader(path, key, node);
-    const RigidTransform* const previous = i > 0 ? &*rig.cameras.back().cam_from_rig : nullptr;
-    RIGCAL_ASSIGN_OR_RETURN(ImportedCamera camera, CameraFrom(path, reader, previous));
-    rig.cameras.push_back(std::move(camera));
-    const YAML::Node topic = node["rostopic"];
-    topics.push_back(topic.IsDefined() && topic.IsScalar() ? NameFromTopic(topic.Scalar()) : "");
+    absl::StatusOr<ImportedCamera> camera = LensFromKalibr(path, reader);
+    const absl::StatusOr<std::optional<RigidTransform>> pose = PoseFromKalibr(reader, chain);
+    chain = {.previous = pose.ok() ? *pose : std::nullopt, .previous_key = key, .begun = true};
+    if (camera.ok() && !pose.ok()) camera = pose.status();
+    if (camera.ok()) {
+      camera->cam_from_rig = *pose;
+      camera->other_name = key;
+      const YAML::Node topic = node["rostopic"];
+      topics.push_back(topic.IsDefined() && topic.IsScalar() ? NameFromTopic(topic.Scalar()) : "");
+    }
+    rig.Add(key, std::move(camera));
+    if (reader.Has("T_imu_cam") && !reader.Has("T_cam_imu")) {
+      rig.notes.push_back(absl::StrCat(
+          key,
+          ": T_imu_cam is ignored; a pose is read from T_cam_imu or from the chain T_cn_cnm1"));
+    }
+  }
+  // Without any pose the file holds lenses; the first camera is the rig's origin for others only.
+  const bool has_poses = std::any_of(numbers.begin(), numbers.end(), [&root](size_t number) {
+    const YAML::Node node = root[absl::StrCat("cam", number)];
+    return node.IsMap() && (node["T_cam_imu"].IsDefined() || node["T_cn_cnm1"].IsDefined());
+  });
+  if (!has_poses && numbers.size() > 1) {
+    for (ImportedCamera& camera : rig.cameras) camera.cam_from_rig.reset();
   }
   for (size_t i = 0; i < topics.size(); ++i) rig.cameras[i].name = topics[i];
   const auto unnamed = [&] {
@@ -187,8 +254,9 @@ absl::StatusOr<ImportedRig> ReadKalibr(const std::string& path, const std::strin
     return !CheckNames(path, rig).ok();
   };
   if (unnamed()) {
-    for (size_t i = 0; i < topics.size(); ++i) rig.cameras[i].name = absl::StrCat("cam", i);
+    for (ImportedCamera& camera : rig.cameras) camera.name = camera.other_name;
   }
+  RIGCAL_RETURN_IF_ERROR(CheckNames(path, rig));
   RecogniseConvention(&rig);
   return rig;
 }

@@ -92,10 +92,11 @@ absl::StatusOr<ImportedRig> ReadQtm(const std::string& path, const std::string& 
   ImportedRig rig{"QTM", {}, {}};
   std::vector<QtmTransform> transforms;
   for (const XmlElement& element : list.Children("camera")) {
-    RIGCAL_ASSIGN_OR_RETURN(ImportedCamera camera, CameraFromQtm(path, element));
-    RIGCAL_ASSIGN_OR_RETURN(const QtmTransform transform, TransformFrom(element));
-    rig.cameras.push_back(std::move(camera));
-    transforms.push_back(transform);
+    absl::StatusOr<ImportedCamera> camera = CameraFromQtm(path, element);
+    const absl::StatusOr<QtmTransform> transform = TransformFrom(element);
+    if (camera.ok() && !transform.ok()) camera = transform.status();
+    if (camera.ok()) transforms.push_back(*transform);
+    rig.Add(element.Text("serial").value_or("without serial"), std::move(camera));
   }
   RIGCAL_RETURN_IF_ERROR(CheckNames(path, rig));
   std::vector<PoseReading> readings = {

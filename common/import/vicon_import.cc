@@ -133,8 +133,8 @@ absl::StatusOr<ImportedRig> ReadVicon(const std::string& path, const std::string
   ImportedRig rig{"Vicon", {}, {}};
   double worst_fit_px = 0;
   for (const XmlElement& element : document.root().Children("Camera")) {
-    RIGCAL_ASSIGN_OR_RETURN(ImportedCamera camera, CameraFromVicon(path, element, &worst_fit_px));
-    rig.cameras.push_back(std::move(camera));
+    rig.Add(element.Text("DEVICEID").value_or("without DEVICEID"),
+            CameraFromVicon(path, element, &worst_fit_px));
   }
   RIGCAL_RETURN_IF_ERROR(CheckNames(path, rig));
   rig.notes.push_back(

@@ -60,14 +60,29 @@ absl::Status XmlElement::Error(const std::string& why) const {
   return ImportError(document_->path(), line(), absl::StrCat("<", name(), "> ", why));
 }
 
-std::vector<XmlElement> XmlElement::Children(const char* name) const {
+std::vector<XmlElement> XmlElement::Children() const {
   std::vector<XmlElement> children;
   for (xmlNode* child = node_->children; child != nullptr; child = child->next) {
-    if (child->type == XML_ELEMENT_NODE && xmlStrEqual(child->name, XmlText(name)) != 0) {
-      children.push_back(XmlElement(document_, child));
-    }
+    if (child->type == XML_ELEMENT_NODE) children.push_back(XmlElement(document_, child));
   }
   return children;
+}
+
+std::vector<XmlElement> XmlElement::Children(const char* name) const {
+  std::vector<XmlElement> children = Children();
+  std::erase_if(children, [name](const XmlElement& child) { return child.name() != name; });
+  return children;
+}
+
+std::string XmlElement::Content() const {
+  std::string text;
+  for (const xmlNode* child = node_->children; child != nullptr; child = child->next) {
+    const bool is_text = child->type == XML_TEXT_NODE || child->type == XML_CDATA_SECTION_NODE;
+    if (is_text && child->content != nullptr) {
+      text += reinterpret_cast<const char*>(child->content);
+    }
+  }
+  return text;
 }
 
 absl::StatusOr<XmlElement> XmlElement::Child(const char* name) const {

@@ -21,6 +21,9 @@ class XmlElement {
   int line() const;
   // Elements directly within, of this name.
   std::vector<XmlElement> Children(const char* name) const;
+  // Elements directly within, and the text that stands directly within beside them.
+  std::vector<XmlElement> Children() const;
+  std::string Content() const;
 
   // INVALID_ARGUMENT names file, line, element and attribute where it is missing, or is not so many
   // finite numbers.

@@ -226,7 +226,7 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   proto->set_reference_camera(result.reference_camera);
   proto->set_instant_count(result.instant_count);
   for (const CalibratedCamera& camera : result.cameras) FillCamera(camera, proto->add_cameras());
-  FillTarget(result.target, proto->mutable_target());
+  if (result.target.given.marker_count() > 0) FillTarget(result.target, proto->mutable_target());
   for (const CalibratedTarget& other : result.other_targets) {
     FillTarget(other, proto->add_other_targets());
   }
@@ -276,7 +276,10 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
     RIGCAL_ASSIGN_OR_RETURN(CalibratedCamera parsed, CameraFromProto(camera));
     result.cameras.push_back(std::move(parsed));
   }
-  RIGCAL_ASSIGN_OR_RETURN(result.target, TargetFromProto(proto.target()));
+  // A calibration of another program has no target.
+  if (proto.has_target()) {
+    RIGCAL_ASSIGN_OR_RETURN(result.target, TargetFromProto(proto.target()));
+  }
   for (const v1::CalibratedTarget& other : proto.other_targets()) {
     RIGCAL_ASSIGN_OR_RETURN(CalibratedTarget parsed, TargetFromProto(other));
     result.other_targets.push_back(std::move(parsed));

@@ -5,7 +5,7 @@
 #include <iomanip>
 #include <stdexcept>
 
-#include "common/camera/intrinsics_file.h"
+#include "common/import/intrinsics_file.h"
 #include "common/simulation/world/simulated_world.h"
 
 namespace rigcal::testing {

@@ -8,7 +8,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "common/camera/intrinsics_file.h"
+#include "common/import/intrinsics_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::testing {

@@ -11,7 +11,7 @@
 #include "agent/capture/camera_status.h"
 #include "agent/capture/genicam/aravis_pixel_formats.h"
 #include "agent/capture/genicam/aravis_settings.h"
-#include "common/camera/intrinsics_file.h"
+#include "common/import/intrinsics_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -68,8 +68,9 @@ absl::StatusOr<std::unique_ptr<AravisFrameSource>> AravisFrameSource::Create(
   description.camera = options.camera;
   std::optional<ImageSize> calibrated_px;
   if (!options.calibration_path.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(IntrinsicsFile calibration,
-                            OfCamera(options.camera, ReadIntrinsicsFile(options.calibration_path)));
+    RIGCAL_ASSIGN_OR_RETURN(
+        IntrinsicsFile calibration,
+        OfCamera(options.camera, ReadIntrinsicsFile(options.calibration_path, options.camera)));
     calibrated_px = calibration.image_size_px;
     description.intrinsics = std::move(calibration.intrinsics);
   }

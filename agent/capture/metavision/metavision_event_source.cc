@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "agent/capture/camera_status.h"
-#include "common/camera/intrinsics_file.h"
+#include "common/import/intrinsics_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -58,8 +58,9 @@ absl::StatusOr<CameraDescription> Describe(const MetavisionSourceOptions& option
   description.camera = options.camera;
   description.image_size_px = {identity.geometry.width, identity.geometry.height};
   if (!options.calibration_path.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(IntrinsicsFile calibration,
-                            OfCamera(options.camera, ReadIntrinsicsFile(options.calibration_path)));
+    RIGCAL_ASSIGN_OR_RETURN(
+        IntrinsicsFile calibration,
+        OfCamera(options.camera, ReadIntrinsicsFile(options.calibration_path, options.camera)));
     const ImageSize calibrated_px = calibration.image_size_px;
     if (calibrated_px != description.image_size_px) {
       return absl::FailedPreconditionError(absl::StrCat(

@@ -9,7 +9,7 @@
 
 #include "agent/capture/camera_status.h"
 #include "agent/capture/source_kind.h"
-#include "common/camera/intrinsics_file.h"
+#include "common/import/intrinsics_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -66,9 +66,9 @@ absl::StatusOr<CameraDescription> DescribeRecording(const std::string& kind,
   if (options.calibration_path.empty()) return description;
   RIGCAL_ASSIGN_OR_RETURN(
       IntrinsicsFile calibration,
-      OfCamera(options.camera, ReadIntrinsicsFile(options.calibration_path),
+      OfCamera(options.camera, ReadIntrinsicsFile(options.calibration_path, options.camera),
                absl::StrCat(
-                   "; name the camera's OpenCV YAML with ;calibration=FILE",
+                   "; name the file of its lens with ;calibration=FILE",
                    kind == "csv" ? "" : ", or say ;calibration=none for a camera without one")));
   description.image_size_px = calibration.image_size_px;
   description.intrinsics = std::move(calibration.intrinsics);

@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
@@ -44,6 +45,50 @@ Ran RunInfo(std::vector<std::string> arguments) {
   }
   const absl::Status status = subcommands.Chosen()();
   return {status, out.str()};
+}
+
+// Events at 20 000 a second as CSV, each time in a unit of so many seconds.
+std::string CsvEvents(const std::string& header, double unit_s, double step_s = 5e-5) {
+  std::ostringstream text;
+  text << header << "\n" << std::fixed;
+  text.precision(unit_s < 1e-8 ? 0 : 6);
+  for (int i = 0; i < 4000; ++i) {
+    const double time_s = std::floor(i * 5e-5 / step_s) * step_s;
+    text << i % 600 << "," << i % 400 << "," << i % 2 << "," << time_s / unit_s + 1 << "\n";
+  }
+  return text.str();
+}
+
+TEST(EventFileInfo, NotesTimesThatCannotBeInTheirUnit) {
+  const rigcal::testing::TemporaryDirectory folder;
+  const auto notes = [&](const std::string& text, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {folder.WriteFile("e.csv", text).string(), "-o", "json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Ran ran = RunInfo(arguments);
+    EXPECT_TRUE(ran.status.ok()) << ran.status;
+    return nlohmann::json::parse(ran.text)["notes"].dump();
+  };
+  EXPECT_EQ(notes(CsvEvents("x,y,p,t_us", 1e-6)), "[]");
+  EXPECT_EQ(notes(CsvEvents("x,y,p,t_s", 1)), "[]");
+  EXPECT_EQ(notes(CsvEvents("x,y,p,t_ms", 1e-3)), "[]");
+  EXPECT_THAT(
+      notes(CsvEvents("x,y,p,t_s", 1e-6)),
+      AllOf(HasSubstr("4000 events over 2.3 days cannot be seconds"), HasSubstr("use time=us")));
+  EXPECT_EQ(notes(CsvEvents("x,y,p,t_s", 1e-6), {"--time", "us"}), "[]");
+  EXPECT_THAT(notes(CsvEvents("x,y,p,t_s", 1e-3)), HasSubstr("use time=ms"));
+  EXPECT_THAT(notes(CsvEvents("x,y,p,t_us", 1e-9)), HasSubstr("use time=ns"));
+  EXPECT_THAT(notes(CsvEvents("x,y,p,t_s", 1, 0.02)), HasSubstr("32-bit floats"));
+  EXPECT_THAT(notes(CsvEvents("x,y,p,t_s", 1, 128)), HasSubstr("have one time"));
+}
+
+TEST(EventFileInfo, TakesPolaritiesOfBytes) {
+  const rigcal::testing::TemporaryDirectory folder;
+  std::string text = "x,y,p,t_us\n";
+  for (int i = 0; i < 200; ++i) {
+    text += "1,2," + std::string(i % 2 == 0 ? "255" : "0") + "," + std::to_string(50 * i) + "\n";
+  }
+  const Ran ran = RunInfo({folder.WriteFile("e.csv", text).string(), "-o", "json"});
+  EXPECT_EQ(nlohmann::json::parse(ran.text)["on_events"], 100);
 }
 
 TEST(EventFileInfo, Evt3WithTriggers) {

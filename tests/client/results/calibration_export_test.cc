@@ -11,7 +11,7 @@
 #include <sstream>
 #include <string>
 
-#include "common/camera/intrinsics_file.h"
+#include "common/import/intrinsics_file.h"
 #include "common/wire/camera_wire.h"
 #include "tests/client/sample_messages.h"
 #include "tests/testing/status_matchers.h"

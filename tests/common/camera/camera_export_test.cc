@@ -7,7 +7,7 @@
 #include <opencv2/core.hpp>
 #include <sstream>
 
-#include "common/camera/intrinsics_file.h"
+#include "common/import/intrinsics_file.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 

@@ -46,19 +46,19 @@ const FormatCase kCases[] = {
     {"kalibr",
      &testing::ReadKalibrCamchain,
      {TestLens::kBrown5, TestLens::kRational},
-     "coefficient"},
+     "--undistorted"},
     {"ros", &testing::ReadRosFiles, {}},
     {"colmap", &testing::ReadColmapText, {}},
     {"colmap-binary", &testing::ReadColmapBinary, {}},
-    {"nerfstudio", &testing::ReadNerfstudioJson, {TestLens::kRational}, "8 coefficients"},
+    {"nerfstudio", &testing::ReadNerfstudioJson, {TestLens::kRational}, "--undistorted"},
     {"anipose", &testing::ReadAniposeToml, {}},
     {"pose2sim", &testing::ReadPose2SimToml, {TestLens::kFisheye}, "fisheye"},
     {"caliscope", &testing::ReadCaliscopeToml, {}},
     {"mcap", &testing::ReadMcapFile, {}},
-    {"openmvg", &testing::ReadOpenMvgJson, {TestLens::kRational}, "8 coefficients", true},
+    {"openmvg", &testing::ReadOpenMvgJson, {TestLens::kRational}, "--undistorted", true},
     {"matlab", &testing::ReadMatFile, {}},
-    {"blender", &testing::ReadBlenderScript, kDistorted, "no lens distortion"},
-    {"usd", &testing::ReadUsda, kDistorted, "no lens distortion"},
+    {"blender", &testing::ReadBlenderScript, kDistorted, "--undistorted"},
+    {"usd", &testing::ReadUsda, kDistorted, "--undistorted"},
 };
 
 const CalibrationExportFormat& FormatOf(const FormatCase& value) {
@@ -104,7 +104,7 @@ TEST_P(ExportFormat, ProjectsAsWeDoOrSaysWhyNot) {
     SCOPED_TRACE(kLensNames[i]);
     const v1::Calibration calibration =
         CalibrationOfLens(kLenses[i], {"left", "right", "top"}, value.square);
-    const auto files = FormatOf(value).make(calibration);
+    const auto files = FormatOf(value).make(calibration, {.max_error_px = 0});
     if (value.refused.contains(kLenses[i])) {
       EXPECT_THAT(files, StatusIs(absl::StatusCode::kFailedPrecondition,
                                   AllOf(HasSubstr("camera left: "), HasSubstr(value.reason))));
@@ -216,7 +216,7 @@ TEST(ExportFormats, OpenMvgRefusesTwoFocalLengthsThatMatter) {
   const CalibrationExportFormat& openmvg = **FindCalibrationExportFormat("openmvg");
   EXPECT_THAT(openmvg.make(calibration),
               StatusIs(absl::StatusCode::kFailedPrecondition,
-                       AllOf(HasSubstr("camera left: "), HasSubstr("focal length"))));
+                       AllOf(HasSubstr("camera left: "), HasSubstr("wrong by up to"))));
   // Less than can be seen: held, and within 0.05 px.
   v1::Intrinsics* const intrinsics = calibration.mutable_cameras(0)->mutable_intrinsics();
   intrinsics->set_fy_px(intrinsics->fx_px() + 0.1);
@@ -225,6 +225,55 @@ TEST(ExportFormats, OpenMvgRefusesTwoFocalLengthsThatMatter) {
   for (const SeenPoint& point : PointsOver(calibration.cameras(0), 1000)) {
     EXPECT_LT((read.project(point.x_in_rig) - point.pixel).norm(), 0.05);
   }
+}
+
+// The error that is told is what the file shows wrong, and no more than was allowed.
+TEST(ExportFormats, RefitALensWithinTheErrorThatIsTold) {
+  const std::pair<const char*, TestLens> refits[] = {{"kalibr", TestLens::kBrown5},
+                                                     {"nerfstudio", TestLens::kRational},
+                                                     {"openmvg", TestLens::kBrown5}};
+  for (const auto& [name, lens] : refits) {
+    SCOPED_TRACE(name);
+    v1::Calibration calibration = CalibrationOfLens(lens, {"left"}, true);
+    v1::Intrinsics* const intrinsics = calibration.mutable_cameras(0)->mutable_intrinsics();
+    intrinsics->set_fy_px(intrinsics->fx_px() * 1.0004);
+    std::vector<LensNote> notes;
+    ASSERT_OK_AND_ASSIGN(
+        const auto files,
+        (*FindCalibrationExportFormat(name))->make(calibration, {.max_error_px = 20}, &notes));
+    ASSERT_EQ(notes.size(), 1u);
+    EXPECT_EQ(notes[0].camera, "left");
+    for (const FormatCase& value : kCases) {
+      if (std::string(value.format) != name) continue;
+      const ReadCamera read = value.read(files)[0];
+      double worst_px = 0;
+      for (const SeenPoint& point : PointsOver(calibration.cameras(0), 1000)) {
+        worst_px = std::max(worst_px, (read.project(point.x_in_rig) - point.pixel).norm());
+      }
+      EXPECT_LE(worst_px, notes[0].error_px + 0.01);
+      EXPECT_GT(worst_px, 0.2 * notes[0].error_px);
+    }
+    // A little less than that is refused, with the figure.
+    EXPECT_THAT((*FindCalibrationExportFormat(name))
+                    ->make(calibration, {.max_error_px = 0.99 * notes[0].error_px}),
+                StatusIs(absl::StatusCode::kFailedPrecondition,
+                         AllOf(HasSubstr("wrong by up to"), HasSubstr("--undistorted"))));
+  }
+}
+
+TEST(ExportFormats, SayWhichAxisPointsUp) {
+  const v1::Calibration calibration = CalibrationOfLens(TestLens::kPinhole, {"left"});
+  const CalibrationExportFormat& usd = **FindCalibrationExportFormat("usd");
+  EXPECT_THAT(usd.make(calibration, {.up = UpAxis::kZ})->at(0).content,
+              HasSubstr("upAxis = \"Z\""));
+  EXPECT_THAT(usd.make(calibration, {.up = UpAxis::kY})->at(0).content,
+              HasSubstr("upAxis = \"Y\""));
+  // The camera looks along the rig's z; of a rig with y up that is Blender's -y.
+  const CalibrationExportFormat& blender = **FindCalibrationExportFormat("blender");
+  EXPECT_THAT(blender.make(calibration, {.up = UpAxis::kZ})->at(0).content,
+              HasSubstr("[0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]"));
+  EXPECT_NE(blender.make(calibration, {.up = UpAxis::kY})->at(0).content,
+            blender.make(calibration, {.up = UpAxis::kZ})->at(0).content);
 }
 
 TEST(ExportFormats, RefuseValuesThatAreNotFinite) {

@@ -82,6 +82,12 @@ struct OwnFormat {
   std::vector<TestLens> lenses;
 };
 
+// Why a rig, or the first camera of it that is left out, cannot be read.
+absl::Status FirstFault(const absl::StatusOr<ImportedRig>& rig) {
+  if (!rig.ok() || rig->left_out.empty()) return rig.status();
+  return absl::InvalidArgumentError(rig->left_out.front().why);
+}
+
 TEST(ReadCalibrationFile, ReadsWhatWeExport) {
   const std::vector<TestLens> all = {TestLens::kPinhole, TestLens::kBrown4, TestLens::kBrown5,
                                      TestLens::kRational, TestLens::kFisheye};
@@ -212,7 +218,7 @@ TEST(ReadQtm, NamesFileAndLineOfEveryFault) {
     SCOPED_TRACE(fault.what);
     const std::string text = absl::StrReplaceAll(good, {{fault.from, fault.to}});
     ASSERT_NE(text, good);
-    EXPECT_THAT(ReadQtm("rig.qca.txt", text),
+    EXPECT_THAT(FirstFault(ReadQtm("rig.qca.txt", text)),
                 StatusIs(absl::StatusCode::kInvalidArgument,
                          AllOf(HasSubstr("rig.qca.txt"), HasSubstr(fault.says))));
   }
@@ -226,7 +232,7 @@ TEST(ReadQtm, RefusesAMirroredRotation) {
     text = absl::StrReplaceAll(text, {{std::string(name) + "=\"", std::string(name) + "=\"-"}});
     text = absl::StrReplaceAll(text, {{std::string(name) + "=\"-#", std::string(name) + "=\""}});
   }
-  EXPECT_THAT(ReadQtm("rig.qca.txt", text),
+  EXPECT_THAT(FirstFault(ReadQtm("rig.qca.txt", text)),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("mirrored")));
 }
 
@@ -236,6 +242,13 @@ std::string OpenCvText(const std::string& extrinsics) {
          "distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n"
          "   data: [0., 0., 0., 0., 0.]\nextrinsics: !!opencv-matrix\n" +
          extrinsics;
+}
+
+// The one camera of a file.
+absl::StatusOr<ImportedCamera> ReadOpenCvCamera(const std::string& path) {
+  absl::StatusOr<ImportedRig> rig = ReadCalibrationFile(path);
+  if (!rig.ok()) return rig.status();
+  return rig->cameras.at(0);
 }
 
 TEST(ReadOpenCvCamera, ReadsPosesOfThreeAndOfFourRows) {
@@ -276,12 +289,12 @@ TEST(ReadKalibr, NamesFileAndLineOfEveryFault) {
       {"no number", "distortion_coeffs: [", "distortion_coeffs: [x, ", "line 9: cam0"},
       {"not a rotation", "T_cam_imu:\n  - [1.0", "T_cam_imu:\n  - [2.0", "line 4: cam0 T_cam_imu"},
       {"not YAML", "intrinsics: [", "intrinsics: [[", "rig.yaml, line"},
-      {"no camera", "cam0:", "camera:", "no cam0"}};
+      {"no camera", "cam0:", "camera:", "cam0 is missing before cam1"}};
   for (const BadText& fault : faults) {
     SCOPED_TRACE(fault.what);
     const std::string text = absl::StrReplaceAll(good, {{fault.from, fault.to}});
     ASSERT_NE(text, good);
-    EXPECT_THAT(ReadKalibr("rig.yaml", text),
+    EXPECT_THAT(FirstFault(ReadKalibr("rig.yaml", text)),
                 StatusIs(absl::StatusCode::kInvalidArgument,
                          AllOf(HasSubstr("rig.yaml"), HasSubstr(fault.says))));
   }
@@ -307,7 +320,7 @@ TEST(ReadCaliscope, NamesFileAndLineOfEveryFault) {
     SCOPED_TRACE(fault.what);
     const std::string text = absl::StrReplaceAll(good, {{fault.from, fault.to}});
     ASSERT_NE(text, good);
-    EXPECT_THAT(ReadCaliscope("rig.toml", text),
+    EXPECT_THAT(FirstFault(ReadCaliscope("rig.toml", text)),
                 StatusIs(absl::StatusCode::kInvalidArgument,
                          AllOf(HasSubstr("rig.toml"), HasSubstr(fault.says))));
   }
@@ -322,7 +335,8 @@ TEST(ReadCalibrationFile, RefusesWhatIsNoCalibration) {
   const BadText files[] = {{"empty.xcp", "", " \n", "is empty"},
                            {"page.xml", "", "<html/>", "line 1: begins with <html>"},
                            {"table.csv", "", "a,b\n", "of no format"},
-                           {"broken.yaml", "", "%YAML:1.0\n---\nimage_width: 3\n", "image_height"}};
+                           {"broken.yaml", "", "%YAML:1.0\n---\nimage_width: 3\n", "image_height"},
+                           {"wide.toml", "", "\xff\xfe[", "UTF-16"}};
   for (const BadText& file : files) {
     const auto path = directory.WriteFile(file.what, file.to);
     EXPECT_THAT(ReadCalibrationFile(path.string()),

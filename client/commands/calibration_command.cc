@@ -49,17 +49,6 @@ absl::StatusOr<v1::Calibration> FetchOrImport(ServerConnection& server, const st
   return std::move(file->calibration);
 }
 
-void PrintFiles(const std::string& id, const std::vector<std::filesystem::path>& files,
-                CommandContext& context) {
-  if (context.console.format == OutputFormat::kTable) {
-    for (const std::filesystem::path& file : files) context.console.out << file.string() << "\n";
-    return;
-  }
-  auto names = nlohmann::ordered_json::array();
-  for (const std::filesystem::path& file : files) names.push_back(file.string());
-  context.console.out << JsonText({{"calibration", id}, {"files", names}}) << "\n";
-}
-
 constexpr double kMmPerM = 1000;
 constexpr std::chrono::milliseconds kAccuracyTimeout{60'000};  // a fine grid takes its time
 
@@ -127,8 +116,16 @@ ExitCode CancelCalibration(const std::string& id, CommandContext& context) {
                       FormatCalibration);
 }
 
-ExitCode DeleteCalibration(const std::string& id, CommandContext& context) {
+ExitCode DeleteCalibration(const CalibrationDeleteOptions& options, CommandContext& context) {
+  const std::string& id = options.id;
   ServerConnection server(context.server);
+  if (!options.yes) {
+    const absl::Status there = FetchCalibration(server, id).status();
+    // One that is damaged can be deleted.
+    if (!there.ok() && !absl::IsDataLoss(there)) return context.Fail(there);
+    const ExitCode sure = Confirm(context.console, absl::StrCat("delete calibration ", id));
+    if (sure != ExitCode::kOk) return sure;
+  }
   return context.Show(server.CallWithId(&CalibrationStub::DeleteCalibration, id), [&](const auto&) {
     return Printable(absl::StrCat("calibration ", id, " is deleted\n"));
   });
@@ -152,10 +149,10 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
   if (!format.ok()) return context.Fail(format.status());
   const bool whole = options.format == "json" && !options.undistorted;
   const auto files = whole ? WriteJsonExport(*calibration, FetchCovariance(server, options.id),
-                                             options.output, nullptr)
-                           : WriteExport(**format, *calibration, options.output);
+                                             options.output, nullptr, options.force)
+                           : WriteExport(**format, *calibration, options.output, options.force);
   if (!files.ok()) return context.Fail(files.status());
-  PrintFiles(options.id, *files, context);
+  PrintFiles("calibration", options.id, *files, context);
   return ExitCode::kOk;
 }
 
@@ -165,9 +162,9 @@ ExitCode ConvertCalibration(const CalibrationImportOptions& options, CommandCont
   if (options.undistorted) *calibration = Undistorted(*std::move(calibration));
   const auto format = FindCalibrationExportFormat(options.format);
   if (!format.ok()) return context.Fail(format.status());
-  const auto files = WriteExport(**format, *calibration, options.output);
+  const auto files = WriteExport(**format, *calibration, options.output, options.force);
   if (!files.ok()) return context.Fail(files.status());
-  PrintFiles(options.path, *files, context);
+  PrintFiles("calibration", options.path, *files, context);
   return ExitCode::kOk;
 }
 

@@ -14,6 +14,7 @@
 #include "client/results/marker_rows.h"
 #include "client/results/triangulation_file.h"
 #include "common/file/durable_file.h"
+#include "common/file/may_write.h"
 #include "common/status/status_macros.h"
 #include "common/triangulate/convention_check.h"
 
@@ -22,6 +23,9 @@ namespace {
 
 absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandOptions& options,
                                                        CommandContext& context) {
+  if (options.output != "-") {
+    RIGCAL_RETURN_IF_ERROR(CheckMayWrite(options.output, options.force));
+  }
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationFile file,
                           FetchCalibrationFile(options.calibration, context));
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
@@ -87,6 +91,7 @@ void AddTriangulateCommand(CommandParser& parser) {
             "File to write: time, label, x_m, y_m, z_m, sigmas, covariances; Apache Parquet if it "
             "ends in .parquet, else CSV; - for CSV on stdout")
       ->required();
+  AddForceOption(app, &options->force);
   AddOption(app, "--sigma-px", "PX", &options->triangulation.sigma_px,
             "One sigma of each coordinate of a centre, pixels; without it as the calibration's "
             "residuals scatter, camera by camera")

@@ -18,7 +18,7 @@ void PrintFiles(const char* kind, const std::string& id,
 
 ExitCode Confirm(Console& console, const std::string& deed) {
   if (console.in == nullptr) {
-    console.Message(deed + " cannot be undone, and nobody can be asked here: add --yes");
+    console.Message("to " + deed + " cannot be undone, and nobody can be asked here: add --yes");
     return ExitCode::kUsage;
   }
   console.err << Printable(deed) << "? It cannot be undone [y/N] " << std::flush;

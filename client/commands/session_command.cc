@@ -163,8 +163,7 @@ ExitCode StopSession(const SessionStopOptions& options, CommandContext& context)
   }
   const ExitCode code = context.Show(session, FormatSession);
   if (session.ok() && context.console.format == OutputFormat::kTable) {
-    context.console.Message(
-        absl::StrCat("next: rigcal calibrate ", session->id(), " --wait"));
+    context.console.Message(absl::StrCat("next: rigcal calibrate ", session->id(), " --wait"));
   }
   return code;
 }
@@ -316,9 +315,14 @@ ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
     folder.emplace(options.output, options.force);
     std::vector<v1::CameraDescription> cameras;
     for (const v1::SessionCamera& camera : session->cameras()) {
-      const bool wanted =
-          options.camera.empty() || options.camera == camera.description().camera();
+      const bool wanted = options.camera.empty() || options.camera == camera.description().camera();
       if (wanted) cameras.push_back(camera.description());
+    }
+    if (cameras.empty()) {
+      return context.Fail(absl::FailedPreconditionError(
+          absl::StrCat("session ", options.session, " has no ",
+                       options.camera.empty() ? "cameras: nothing has been captured"
+                                              : absl::StrCat("camera ", options.camera))));
     }
     if (absl::Status status = folder->Begin(cameras); !status.ok()) return context.Fail(status);
   } else if (console.format == OutputFormat::kTable) {

@@ -2,6 +2,7 @@
 #include "client/commands/triangulate_command.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <utility>
 
@@ -25,6 +26,12 @@ absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandO
                                                        CommandContext& context) {
   if (options.output != "-") {
     RIGCAL_RETURN_IF_ERROR(CheckMayWrite(options.output, options.force));
+  }
+  if (std::error_code error; !std::filesystem::is_directory(options.data, error)) {
+    return absl::NotFoundError(absl::StrCat(
+        "there is no folder ", options.data,
+        ": --data names the folder with <camera>.csv of each camera, and the calibration stands "
+        "before it"));
   }
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationFile file,
                           FetchCalibrationFile(options.calibration, context));

@@ -10,7 +10,7 @@ namespace rigcal::client {
 namespace {
 
 constexpr size_t kGap = 2;
-// Columns of words are not made narrower than that.
+// Columns of words are not made narrower than that and their heads.
 constexpr size_t kLeastWords = 10;
 
 // Terminal columns that tables may take; 0: any number. Set once, at the start of the program.
@@ -98,7 +98,8 @@ void TextTable::Narrow(size_t indent, std::vector<size_t>* widths) const {
   while (columns_to_fit > 0 && total > columns_to_fit) {
     size_t widest = widths->size();
     for (size_t i = 0; i < widths->size(); ++i) {
-      if (columns_[i].is_number || (*widths)[i] <= kLeastWords) continue;
+      const size_t least = std::max(kLeastWords, DisplayWidth(lines_[0][i]));
+      if (columns_[i].is_number || (*widths)[i] <= least) continue;
       if (widest == widths->size() || (*widths)[i] > (*widths)[widest]) widest = i;
     }
     if (widest == widths->size()) return;

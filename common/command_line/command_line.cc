@@ -125,12 +125,9 @@ std::string Complaint(const CLI::App& app, const std::vector<std::string>& argum
   const std::string dash = SingleDash(typed, arguments);
   if (!dash.empty()) return dash;
   // What is unknown is mostly why something else is missing.
-  const bool is_lack = dynamic_cast<const CLI::RequiredError*>(&error) != nullptr ||
-                       dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr ||
-                       dynamic_cast<const CLI::RequiresError*>(&error) != nullptr;
-  if (is_lack) {
-    const std::string unknown = Unknown(typed);
-    if (!unknown.empty()) return unknown;
+  const std::string unknown = Unknown(typed);
+  if (!unknown.empty()) return unknown;
+  if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr) {
     const CLI::App& last = *typed.back();
     if (last.get_require_subcommand_min() > 0 && last.get_subcommands().empty()) {
       return absl::StrCat(FullName(last), " needs a command (a subcommand) behind it: ",

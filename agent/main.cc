@@ -88,6 +88,7 @@ void AddFlags(CLI::App& app, Flags& flags) {
 
 // INVALID_ARGUMENT is for what was typed.
 absl::Status OfFile(const absl::Status& fault) {
+  if (!absl::IsInvalidArgument(fault)) return fault;
   return absl::FailedPreconditionError(std::string(fault.message()));
 }
 
@@ -199,13 +200,13 @@ absl::StatusOr<int> RunAgent(const Flags& flags, const sigset_t& signals) {
                           AgentState::Open(config.state_dir, config.agent_id));
   const AgentIdentity& identity = state.identity();
   const IdentityFolder folder = IdentityFolder::OfAgent(config.state_dir);
-  RIGCAL_RETURN_IF_ERROR(CheckJoinedAs(identity, folder));
+  RIGCAL_RETURN_IF_ERROR(OfFile(CheckJoinedAs(identity, folder)));
   const auto files = wire::ClientIdentity::OfAgent(config.state_dir);
   // Neither a flag nor the file names a server.
   if (config.server == AgentConfig().server && flags.server.empty()) {
     config.server = wire::DefaultServerAddress(files);
   }
-  RIGCAL_RETURN_IF_ERROR(wire::CredentialsFor(config.server, files).status());
+  RIGCAL_RETURN_IF_ERROR(OfFile(wire::CredentialsFor(config.server, files).status()));
 
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<ObservationSpool> spool, MakeSpool(config));
   UplinkOptions options;

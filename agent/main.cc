@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "agent/capture/registry/source_help.h"
@@ -23,12 +24,15 @@
 #include "agent/spool/memory_spool.h"
 #include "agent/uplink/agent_state.h"
 #include "agent/uplink/uplink.h"
+#include "common/command_line/command_line.h"
 #include "common/config/agent_config.h"
 #include "common/enrolment/renewal_thread.h"
 #include "common/failpoint/failpoint.h"
 #include "common/identity/identity_folder.h"
 #include "common/log/start_log.h"
 #include "common/status/status_macros.h"
+#include "common/text/printable.h"
+#include "common/wire/protocol_version.h"
 #include "common/wire/server_access.h"
 
 namespace rigcal::agent {
@@ -69,7 +73,8 @@ void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option("--server", flags.server,
                  "HOST:PORT of the server [the one joined, or this PC's]");
   app.add_option("--rig", flags.rig, "Rig the cameras belong to [rig]");
-  app.add_option("--agent-id", flags.agent_id, "Name of this agent [kept in the state directory]");
+  app.add_option("--agent-id", flags.agent_id,
+                 "Name of this agent [the host's name; kept in the state directory]");
   app.add_option("--state-dir", flags.state_dir,
                  "Folder of this agent alone [~/.local/state/rigcal/agent/AGENT_ID]");
   app.add_option("--spool", flags.spool,
@@ -81,12 +86,26 @@ void AddFlags(CLI::App& app, Flags& flags) {
   app.footer(Footer());
 }
 
+// INVALID_ARGUMENT is for what was typed.
+absl::Status OfFile(const absl::Status& fault) {
+  if (!absl::IsInvalidArgument(fault)) return fault;
+  return absl::FailedPreconditionError(std::string(fault.message()));
+}
+
 absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
   AgentConfig config;
   if (!flags.config.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(config, ReadAgentConfig(flags.config));
+    absl::StatusOr<AgentConfig> read = ReadAgentConfig(flags.config);
+    if (!read.ok()) return OfFile(read.status());
+    config = *std::move(read);
   }
   if (!flags.server.empty()) config.server = flags.server;
+  if (absl::StrContains(config.server, "://")) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--server ", config.server,
+                     " is the address of a page; give HOST:PORT with the gRPC port, "
+                     "such as 127.0.0.1:7420"));
+  }
   if (!flags.rig.empty()) config.rig = flags.rig;
   if (!flags.agent_id.empty()) config.agent_id = flags.agent_id;
   if (!flags.state_dir.empty()) config.state_dir = flags.state_dir;
@@ -97,7 +116,8 @@ absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
   return config;
 }
 
-// INVALID_ARGUMENT with the faults of all sources.
+// INVALID_ARGUMENT with the faults of all sources that were typed, FAILED_PRECONDITION with those
+// of the file.
 absl::StatusOr<std::vector<std::unique_ptr<ObservationSource>>> MakeSources(
     const Flags& flags, const AgentConfig& config) {
   std::vector<std::unique_ptr<ObservationSource>> sources;
@@ -115,7 +135,8 @@ absl::StatusOr<std::vector<std::unique_ptr<ObservationSource>>> MakeSources(
     for (const CameraConfig& camera : config.cameras) make(ParseSourceSpec(camera));
   }
   if (faults.empty()) return sources;
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
+  const absl::Status fault = absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
+  return flags.sources.empty() ? OfFile(fault) : fault;
 }
 
 // The server knows an agent by the name in its certificate.
@@ -179,13 +200,13 @@ absl::StatusOr<int> RunAgent(const Flags& flags, const sigset_t& signals) {
                           AgentState::Open(config.state_dir, config.agent_id));
   const AgentIdentity& identity = state.identity();
   const IdentityFolder folder = IdentityFolder::OfAgent(config.state_dir);
-  RIGCAL_RETURN_IF_ERROR(CheckJoinedAs(identity, folder));
+  RIGCAL_RETURN_IF_ERROR(OfFile(CheckJoinedAs(identity, folder)));
   const auto files = wire::ClientIdentity::OfAgent(config.state_dir);
   // Neither a flag nor the file names a server.
   if (config.server == AgentConfig().server && flags.server.empty()) {
     config.server = wire::DefaultServerAddress(files);
   }
-  RIGCAL_RETURN_IF_ERROR(wire::CredentialsFor(config.server, files).status());
+  RIGCAL_RETURN_IF_ERROR(OfFile(wire::CredentialsFor(config.server, files).status()));
 
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<ObservationSpool> spool, MakeSpool(config));
   UplinkOptions options;
@@ -224,7 +245,7 @@ int Run(const Flags& flags, const sigset_t& signals) {
   const absl::StatusOr<int> code = RunAgent(flags, signals);
   if (code.ok()) return *code;
   spdlog::error("{}", std::string(code.status().message()));
-  return kExitFailed;
+  return ExitCodeOf(code.status());
 }
 
 int RunSubcommand(const std::function<absl::Status()>& run, const sigset_t& signals) {
@@ -261,11 +282,14 @@ int Main(int argc, char** argv) {
   AddFlags(app, flags);
   Subcommands subcommands(std::cout);
   subcommands.AddTo(app);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitOk : kExitUsage;
+  AddVersionFlags(app, std::string(wire::kSoftwareVersion));
+  const auto task = ParseCommandLine(app, argc, argv, std::cout);
+  if (!task.ok()) {
+    std::cerr << "rigcal-agent: " << PrintableLines(std::string(task.status().message()))
+              << std::endl;
+    return kUsageExitCode;
   }
+  if (*task == CommandLineTask::kDone) return kExitOk;
   return subcommands.Chosen() ? RunSubcommand(subcommands.Chosen(), signals) : Run(flags, signals);
 }
 

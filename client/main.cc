@@ -12,6 +12,8 @@
 
 #include "client/command_line.h"
 #include "client/local/stop_signal.h"
+#include "client/output/text_table.h"
+#include "client/watch/terminal.h"
 
 namespace {
 
@@ -54,6 +56,11 @@ int main(int argc, char** argv) {
   DescriptorBuffer buffer(STDOUT_FILENO);
   std::ostream out(&buffer);
   Console console{.out = out, .err = std::cerr, .err_is_terminal = isatty(STDERR_FILENO) == 1};
+  if (isatty(STDOUT_FILENO) == 1) {
+    TextTable::FitTo(Terminal::ColumnsOfOutput());
+    console.colour = Terminal::HasColour();
+  }
+  if (console.err_is_terminal && isatty(STDIN_FILENO) == 1) console.in = &std::cin;
   ExitCode code = ExitCode::kFailed;
   try {
     code =

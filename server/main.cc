@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <iostream>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,6 +20,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
+#include "common/command_line/command_line.h"
 #include "common/config/server_config.h"
 #include "common/discovery/discovery.h"
 #include "common/failpoint/failpoint.h"
@@ -237,7 +239,6 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
   if (!port_file.empty()) std::remove(port_file.c_str());
   if (!http_port_file.empty()) std::remove(http_port_file.c_str());
   const ServerLimits& limits = config.limits;
-  RIGCAL_RETURN_IF_ERROR(ParseHostPort(config.listen).status());
   RIGCAL_ASSIGN_OR_RETURN(const auto worker, FindWorker());
   RIGCAL_ASSIGN_OR_RETURN(
       const auto store,
@@ -387,15 +388,25 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
   return absl::OkStatus();
 }
 
+// On stderr whatever the log level.
+int Refuse(const absl::Status& status, int exit_code) {
+  std::fprintf(stderr, "rigcal-server: %s\n",
+               PrintableLines(std::string(status.message())).c_str());
+  return exit_code;
+}
+
 int Run(int argc, char** argv) {
   Flags flags;
   CLI::App app(
       "Receives observations from capture agents, stores them, and calibrates the rig.\n"
-      "Listens on this machine only; on other addresses with TLS, for clients that have joined.");
-  app.set_version_flag("--version", std::string(wire::kSoftwareVersion));
+      "Listens on this machine only; on other addresses with TLS, for clients that have joined.",
+      "rigcal-server");
   app.add_option("--config", flags.config_file, "TOML file; flags override it")->type_name("FILE");
-  app.add_option("--listen", flags.listen,
-                 "Address to listen on (default 127.0.0.1:7420; port 0: any free one)")
+  app.add_option(
+         "--listen", flags.listen,
+         "Address for agents and the command line (default 127.0.0.1:7420; port 0: any free "
+         "one); the dashboard and the JSON API are at the port behind it, unless the "
+         "configuration names one under [https]")
       ->type_name("HOST[:PORT]");
   app.add_option("--data-dir", flags.data_dir,
                  "Folder of the database (default $XDG_DATA_HOME/rigcal or ~/.local/share/rigcal)")
@@ -409,14 +420,21 @@ int Run(int argc, char** argv) {
   app.add_option("--log-level", flags.log_level, "Lowest level logged on stderr (default info)")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
   CareCommands care(&app);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  AddVersionFlags(app, std::string(wire::kSoftwareVersion));
+  const auto task = ParseCommandLine(app, argc, argv, std::cout);
+  if (!task.ok()) return Refuse(task.status(), kUsageExitCode);
+  if (*task == CommandLineTask::kDone) return 0;
 
   StartLog("rigcal-server");
   absl::Status status = ActivateFailpoints();
+  if (!flags.listen.empty()) {
+    const absl::Status address = ParseHostPort(WithPort(flags.listen, kUsualPort)).status();
+    if (!address.ok()) {
+      return Refuse(
+          absl::InvalidArgumentError(absl::StrCat("--listen: ", std::string(address.message()))),
+          kUsageExitCode);
+    }
+  }
   const absl::StatusOr<ServerConfig> config = ReadConfig(flags);
   if (!status.ok()) {
     // Said below.
@@ -428,11 +446,7 @@ int Run(int argc, char** argv) {
     if (care.chosen()) return care.Run(config->data_dir);
     status = Serve(*config, flags.port_file, flags.http_port_file);
   }
-  if (status.ok()) return 0;
-  // On stderr whatever the log level.
-  std::fprintf(stderr, "rigcal-server: %s\n",
-               PrintableLines(std::string(status.message())).c_str());
-  return 1;
+  return status.ok() ? 0 : Refuse(status, 1);
 }
 
 }  // namespace

@@ -187,17 +187,16 @@ void AddDetectCommand(CLI::App& app, Subcommands* all) {
       all->Add(app, "detect", "Finds the wand in an image, a folder or a video", &Detect);
   AddFrameInput(command, &flags.input);
   command.add_option("--target", flags.target, "wand:0,0.13,0.39;diameter=0.04;hz=500")->required();
-  command.add_option("--out", flags.out,
-                     "CSV for csv: (timestamp_ns;x0;y0;..., -1 = not seen), a line per frame");
+  AddOutputOption(command, &flags.out,
+                  "CSV for csv: (timestamp_ns;x0;y0;..., -1 = not seen), a line per frame");
   command.add_option("--annotate", flags.annotate,
                      "Folder for images with the detections drawn in; FILE.png for a single one");
   command.add_flag("--no-tracking", flags.no_tracking, "Search every frame completely");
   command.add_option("--pictures", flags.frames, "Frames to search at most [all]");
-  command.add_option("-o,--output", flags.format, "table or json [table]")
-      ->check(CLI::IsMember({"table", "json"}));
+  AddFormatOption(command, &flags.format, "table or json [table]");
   command.footer(
       "Examples:\n"
-      "  rigcal-agent detect rig/left --target 'wand:0,0.13,0.39;diameter=0.04' --out left.csv\n"
+      "  rigcal-agent detect rig/left --target 'wand:0,0.13,0.39;diameter=0.04' --output left.csv\n"
       "  rigcal-agent detect one.png --target wand:0,0.13,0.39 --annotate seen.png\n"
       "  rigcal-agent detect left.mkv --target wand:0,0.13,0.39 --set hue_max=40 -o json\n"
       "Exit codes: 0 ok, whether wands were found or not, 1 failed, 2 usage.");

@@ -35,8 +35,8 @@ void AddInfoCommand(CLI::App& app, Subcommands* all) {
                   "RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV, the format is detected from the content")
       ->required();
   flags.file.AddTo(command);
-  command.add_option("-o,--output", flags.format, "table or json [table]")
-      ->check(CLI::IsMember({"table", "json"}));
+  AddFormatOption(command, &flags.format, "table or json [table]");
+  AddFormerOption(&command, "--output", "-o table|json, or --output-format");
   command.footer(
       "Examples:\n"
       "  rigcal-agent info rig/left.raw\n"

@@ -63,15 +63,14 @@ void AddMaskCommand(CLI::App& app, Subcommands* all) {
   const auto [command, flags] =
       all->Add(app, "mask", "Learns static bright spots for the detector to ignore", &LearnMask);
   AddFrameInput(command, &flags.input);
-  command.add_option("--out", flags.out, "Image of the camera's size, white where to ignore")
+  AddOutputOption(command, &flags.out, "Image of the camera's size, white where to ignore")
       ->required();
   command.add_option("--target", flags.target, "Target of a simulated camera");
   command.add_option("--pictures", flags.frames, "Frames to use at most; 0: all [100]");
-  command.add_option("-o,--output", flags.format, "table or json [table]")
-      ->check(CLI::IsMember({"table", "json"}));
+  AddFormatOption(command, &flags.format, "table or json [table]");
   command.footer(
       "Point the camera at the room without the wand, or with a moving one. Example:\n"
-      "  rigcal-agent mask aravis:192.168.1.5 --out left_mask.png\n"
+      "  rigcal-agent mask aravis:192.168.1.5 --output left_mask.png\n"
       "Exit codes: 0 ok, 1 failed, 2 usage.");
 }
 

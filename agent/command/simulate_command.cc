@@ -119,10 +119,9 @@ void AddSimulateCommand(CLI::App& app, Subcommands* all) {
       "Writes the events of a simulated event camera as a RAW file, with ground truth", &Simulate);
   command.add_option("source", flags.source, "A simulated event camera, as for --source")
       ->required();
-  command
-      .add_option(
-          "--out", flags.out,
-          "RAW file (EVT 3.0); ground truth is written beside it as .csv, the calibration as .yaml")
+  AddOutputOption(command, &flags.out,
+                  "RAW file (EVT 3.0); ground truth is written beside it as .csv, the calibration "
+                  "as .yaml")
       ->required();
   command.add_option("--target", flags.target, "The wand and its blink frequency");
   command
@@ -131,7 +130,8 @@ void AddSimulateCommand(CLI::App& app, Subcommands* all) {
       ->check(CLI::Range(1.0, 1e4));
   command.footer(
       "Example:\n"
-      "  rigcal-agent simulate 'sim:camera=1;events=1;duration=2;lux=300;bars=4' --out left.raw\n"
+      "  rigcal-agent simulate 'sim:camera=1;events=1;duration=2;lux=300;bars=4' --output "
+      "left.raw\n"
       "Exit codes: 0 ok, 1 failed, 2 usage.");
 }
 

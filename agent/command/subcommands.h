@@ -9,12 +9,13 @@
 #include <utility>
 
 #include "absl/status/status.h"
+#include "common/command_line/command_line.h"
 
 namespace rigcal::agent {
 
 inline constexpr int kExitOk = 0;
 inline constexpr int kExitFailed = 1;
-inline constexpr int kExitUsage = 2;
+inline constexpr int kExitUsage = kUsageExitCode;
 inline constexpr int kExitUndelivered = 3;
 
 // INVALID_ARGUMENT: a wrong command line; any other error: the command failed.
@@ -50,6 +51,10 @@ class Subcommands {
   std::ostream& out_;
   std::function<absl::Status()> chosen_;
 };
+
+// Options that several commands share: what they print, and the file that they write.
+CLI::Option* AddFormatOption(CLI::App& command, std::string* format, const std::string& what);
+CLI::Option* AddOutputOption(CLI::App& command, std::string* path, const std::string& what);
 
 void AddConvertCommand(CLI::App& app, Subcommands* all);
 void AddDetectCommand(CLI::App& app, Subcommands* all);

@@ -95,10 +95,9 @@ void AddTuneCommand(CLI::App& app, Subcommands* all) {
       all->Add(app, "tune", "Learns the wand's colour from frames that show it", &Tune);
   AddFrameInput(command, &flags.input);
   command.add_option("--target", flags.target, "wand:0,0.13,0.39;diameter=0.04;hz=500")->required();
-  command.add_option("--out", flags.out, "File for the TOML to paste into a configuration");
+  AddOutputOption(command, &flags.out, "File for the TOML to paste into a configuration");
   command.add_option("--pictures", flags.frames, "Frames to use at most; 0: all [50]");
-  command.add_option("-o,--output", flags.format, "table (TOML to paste) or json [table]")
-      ->check(CLI::IsMember({"table", "json"}));
+  AddFormatOption(command, &flags.format, "table (TOML to paste) or json [table]");
   command.footer(
       "Hold the wand in front of the camera, near and far. Example:\n"
       "  rigcal-agent tune aravis:192.168.1.5 --target wand:0,0.13,0.39 >> agent.toml\n"

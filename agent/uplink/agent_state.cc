@@ -52,11 +52,6 @@ absl::StatusOr<FileDescriptor> Lock(const std::filesystem::path& directory) {
                                                "; stop it, or give this one another --state-dir"));
 }
 
-std::string MadeAgentId() {
-  std::random_device random;
-  return absl::StrFormat("%s-%08x", HostName().substr(0, 48), random());
-}
-
 // 31 bits, so that it stays a positive number wherever it is shown.
 uint32_t NewStreamEpoch(const std::vector<uint32_t>& used) {
   std::random_device random;
@@ -157,7 +152,7 @@ absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directo
   RIGCAL_ASSIGN_OR_RETURN(StoredState stored, Load(directory / kStateFile));
   AgentIdentity& identity = stored.identity;
   if (!agent_id.empty()) identity.agent_id = agent_id;
-  if (identity.agent_id.empty()) identity.agent_id = MadeAgentId();
+  if (identity.agent_id.empty()) identity.agent_id = HostName().substr(0, 64);
   RIGCAL_ASSIGN_OR_RETURN(identity.secret, LoadOrMakeSecret(directory));
   ++identity.incarnation;
   identity.stream_epoch = NewStreamEpoch(stored.stream_epochs);

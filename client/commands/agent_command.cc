@@ -10,6 +10,7 @@
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 #include "common/file/durable_file.h"
+#include "common/file/may_write.h"
 
 namespace rigcal::client {
 namespace {
@@ -142,9 +143,12 @@ ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& conte
   if (!preview.ok()) return context.Fail(preview.status());
   // The server has checked the name: it is no path.
   const std::string file = options.file.empty() ? preview->info().camera() + ".jpg" : options.file;
+  if (const absl::Status free = CheckMayWrite(file, options.force); !free.ok()) {
+    return context.Fail(free);
+  }
   if (const absl::Status status = WriteOutputFile(file, preview->jpeg()); !status.ok()) {
     return context.Fail(absl::FailedPreconditionError(
-        absl::StrCat(std::string(status.message()), "; name another file with --out")));
+        absl::StrCat(std::string(status.message()), "; name another file with --output")));
   }
   const std::string text = Printable(DescribePreview(*preview, file));
   preview->clear_jpeg();

@@ -16,10 +16,11 @@ struct AgentPreviewOptions {
   std::string camera;
   std::string rig;   // empty: the one that has the camera
   std::string file;  // empty: CAMERA.jpg in the current folder
+  bool force = false;  // replace a file that is there
 };
 
 // `rigcal agent preview`: writes the next picture of a camera, with what its agent's detector sees
-// in it, as JPEG. A file of that name is replaced at once or not at all.
+// in it, as JPEG. A file of that name stays, or is replaced at once with `force`.
 ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& context);
 
 struct CameraMoveOptions {

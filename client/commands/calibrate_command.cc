@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/calibrate_command.h"
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
 
@@ -65,8 +66,15 @@ absl::StatusOr<v1::Calibration> CalibrateAndWait(ServerConnection& server,
   if (!calibration.ok()) return calibration.status();
   const std::string id = calibration->id();
   ProgressLine progress(context.console);
+  double furthest = 0;
   calibration = WaitForEnd(server, id, [&](const v1::Calibration& now) {
-    progress.Show(FormatCalibrationProgress(now));
+    // A server that has been restarted begins anew; what is shown only rises.
+    furthest = std::max(furthest, now.progress().fraction());
+    v1::Calibration shown;
+    shown.set_state(now.state());
+    *shown.mutable_progress() = now.progress();
+    shown.mutable_progress()->set_fraction(furthest);
+    progress.Show(FormatCalibrationProgress(shown));
   });
   progress.Clear();
   if (!calibration.ok()) {
@@ -181,6 +189,16 @@ void ShowDifference(ServerConnection& server, const v1::Calibration& calibration
   }
 }
 
+void SayWhatIsNext(const v1::Calibration& calibration, bool what_if, CommandContext& context) {
+  if (context.console.format != OutputFormat::kTable) return;
+  const std::string& id = calibration.id();
+  // A what-if can never become active.
+  context.console.Message(absl::StrCat(
+      "next: rigcal calibration accuracy ", id, " (the error to expect where), ",
+      what_if ? "" : absl::StrCat("rigcal rig activate ", id, ", "), "rigcal calibration export ",
+      id, " --format opencv --output DIR; rigcal calibration get ", id, " shows this again"));
+}
+
 }  // namespace
 
 ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
@@ -201,7 +219,8 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
     if (!queued.ok()) return context.Fail(queued.status());
     if (context.console.format == OutputFormat::kTable) {
       context.console.Message(
-          absl::StrCat("rigcal calibration get ", queued->id(), " shows its progress"));
+          absl::StrCat("it is being solved; rigcal calibration get ", queued->id(),
+                       " shows how far it is, and the result"));
     }
     return ShowCalibration(*queued, context);
   }
@@ -212,7 +231,11 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
   if (what_if || calibration->options().kind() != v1::CalibrationOptions::KIND_UNSPECIFIED) {
     ShowDifference(server, *calibration, context);
   }
-  return options.activate ? ActivateIfGood(server, *calibration, options.reason, context) : shown;
+  if (options.activate) {
+    return ActivateIfGood(server, *calibration, options.reason, context);
+  }
+  SayWhatIsNext(*calibration, what_if, context);
+  return shown;
 }
 
 ExitCode ShowCalibration(const v1::Calibration& calibration, CommandContext& context,
@@ -220,9 +243,9 @@ ExitCode ShowCalibration(const v1::Calibration& calibration, CommandContext& con
   if (context.console.format == OutputFormat::kJson) {
     context.console.out << CalibrationJson(calibration, ground_truth) << "\n" << std::flush;
   } else {
-    context.console.out << FormatCalibration(calibration)
-                        << (ground_truth ? FormatGroundTruthErrors(*ground_truth) : "")
-                        << std::flush;
+    context.console.Print(
+        absl::StrCat(FormatCalibration(calibration),
+                     ground_truth ? FormatGroundTruthErrors(*ground_truth) : ""));
   }
   if (calibration.state() == v1::Calibration::STATE_FAILED) {
     context.console.Message(

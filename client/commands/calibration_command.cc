@@ -41,9 +41,9 @@ absl::StatusOr<v1::Calibration> FetchOrImport(ServerConnection& server, const st
 }
 
 // `left_out`: what people are told of cameras that are not in the files.
-void PrintFiles(const std::string& id, const std::vector<std::filesystem::path>& files,
-                const std::vector<LensNote>& lens_notes, CommandContext& context,
-                const std::vector<std::string>& left_out = {}) {
+void PrintCalibrationFiles(const std::string& id, const std::vector<std::filesystem::path>& files,
+                           const std::vector<LensNote>& lens_notes, CommandContext& context,
+                           const std::vector<std::string>& left_out = {}) {
   for (const LensNote& note : lens_notes) {
     context.console.Message(absl::StrCat(
         "camera ", note.camera, ": its lens is refitted to what the format can say, up to ",
@@ -128,8 +128,16 @@ ExitCode CancelCalibration(const std::string& id, CommandContext& context) {
                       FormatCalibration);
 }
 
-ExitCode DeleteCalibration(const std::string& id, CommandContext& context) {
+ExitCode DeleteCalibration(const CalibrationDeleteOptions& options, CommandContext& context) {
+  const std::string& id = options.id;
   ServerConnection server(context.server);
+  if (!options.yes) {
+    const absl::Status there = FetchCalibration(server, id).status();
+    // One that is damaged can be deleted.
+    if (!there.ok() && !absl::IsDataLoss(there)) return context.Fail(there);
+    const ExitCode sure = Confirm(context.console, absl::StrCat("delete calibration ", id));
+    if (sure != ExitCode::kOk) return sure;
+  }
   return context.Show(server.CallWithId(&CalibrationStub::DeleteCalibration, id), [&](const auto&) {
     return Printable(absl::StrCat("calibration ", id, " is deleted\n"));
   });
@@ -153,12 +161,12 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
   if (!format.ok()) return context.Fail(format.status());
   std::vector<LensNote> lens_notes;
   const bool whole = options.format == "json" && !options.undistorted;
-  const auto files =
-      whole ? WriteJsonExport(*calibration, FetchCovariance(server, options.id), options.output,
-                              nullptr)
-            : WriteExport(**format, *calibration, options.output, options.options, &lens_notes);
+  const auto files = whole ? WriteJsonExport(*calibration, FetchCovariance(server, options.id),
+                                             options.output, nullptr, options.force)
+                           : WriteExport(**format, *calibration, options.output, options.options,
+                                         &lens_notes, options.force);
   if (!files.ok()) return context.Fail(files.status());
-  PrintFiles(options.id, *files, lens_notes, context);
+  PrintCalibrationFiles(options.id, *files, lens_notes, context);
   return ExitCode::kOk;
 }
 
@@ -182,10 +190,10 @@ ExitCode ConvertCalibration(const CalibrationImportOptions& options, CommandCont
     context.console.Message(absl::StrCat(options.path, ": has no poses; lenses alone are written"));
   }
   std::vector<LensNote> lens_notes;
-  const auto files =
-      WriteExport(**format, calibration, options.output, options.options, &lens_notes);
+  const auto files = WriteExport(**format, calibration, options.output, options.options,
+                                 &lens_notes, options.force);
   if (!files.ok()) return context.Fail(files.status());
-  PrintFiles(options.path, *files, lens_notes, context, imported->left_out);
+  PrintCalibrationFiles(options.path, *files, lens_notes, context, imported->left_out);
   const bool complete = imported->left_out.empty() && imported->doubts.empty();
   return complete ? ExitCode::kOk : ExitCode::kIncomplete;
 }

@@ -18,6 +18,7 @@ struct CalibrationExportOptions {
   std::string output;        // folder, made where missing; "-" (JSON only): standard output
   bool undistorted = false;  // for images without lens distortion
   ExportOptions options;
+  bool force = false;        // replace files that are there
 };
 
 struct CalibrationImportOptions {
@@ -26,6 +27,7 @@ struct CalibrationImportOptions {
   std::string output;  // folder, made where missing
   bool undistorted = false;
   ExportOptions options;
+  bool force = false;  // replace files that are there
 };
 
 // Ids, or paths of other programs' files (client/results/calibration_import.h).
@@ -39,7 +41,11 @@ struct CalibrationPair {
 ExitCode ListCalibrations(const ListOptions& options, CommandContext& context);
 ExitCode GetCalibration(const std::string& id, CommandContext& context);
 ExitCode CancelCalibration(const std::string& id, CommandContext& context);
-ExitCode DeleteCalibration(const std::string& id, CommandContext& context);
+struct CalibrationDeleteOptions {
+  std::string id;
+  bool yes = false;  // without asking
+};
+ExitCode DeleteCalibration(const CalibrationDeleteOptions& options, CommandContext& context);
 // Prints the files it wrote.
 ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandContext& context);
 // Reads another program's file and writes it in a format of ours. Prints the files it wrote.

@@ -149,6 +149,7 @@ void AddExport(CommandParser& parser, CLI::App* group) {
   AddOption(app, "--output", "DIR", &options->output,
             "Folder to write into, made where missing; - with json: stdout")
       ->required();
+  AddForceOption(app, &options->force);
   app->add_flag("--undistorted", options->undistorted, kUndistortedHelp);
   AddExportOptions(app, &options->options);
   app->parse_complete_callback([options = options] {
@@ -179,6 +180,7 @@ void AddImport(CommandParser& parser, CLI::App* group) {
       ->check(CLI::IsMember(names).description(""));
   AddOption(app, "--output", "DIR", &options->output, "Folder to write into, made where missing")
       ->required();
+  AddForceOption(app, &options->force);
   app->add_flag("--undistorted", options->undistorted, kUndistortedHelp);
   AddExportOptions(app, &options->options);
 }
@@ -273,7 +275,10 @@ void AddCalibrationCommands(CommandParser& parser) {
   };
   add("get", "One calibration with everything in it", GetCalibration);
   add("cancel", "Stop one that is queued or running", CancelCalibration);
-  add("delete", "Remove one that has ended", DeleteCalibration);
+  auto [remove, removed] =
+      parser.AddCommand(group, "delete", "Remove one that has ended", DeleteCalibration);
+  AddArgument(remove, "ID", kIdHelp, &removed->id);
+  AddYesOption(remove, &removed->yes);
   AddExport(parser, group);
   AddImport(parser, group);
   AddCompare(parser, group);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "client/commands/exit_code.h"
@@ -29,10 +31,18 @@ struct CommandContext {
     if (console.format == OutputFormat::kJson) {
       console.out << ToJson(*answer) << "\n" << std::flush;
     } else {
-      console.out << format(*answer) << std::flush;
+      console.Print(format(*answer));
     }
     return ExitCode::kOk;
   }
 };
+
+// The files that a command has written, of the `kind` ("session") with this id.
+void PrintFiles(const char* kind, const std::string& id,
+                const std::vector<std::filesystem::path>& files, CommandContext& context);
+
+// Asks whether `deed` ("delete session wave") is meant. kUsage: nobody can be asked, so --yes must
+// be there; kFailed: the answer is no. Both are said.
+ExitCode Confirm(Console& console, const std::string& deed);
 
 }  // namespace rigcal::client

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "common/text/utf8.h"
+#include "common/command_line/command_line.h"
 #include "common/wire/protocol_version.h"
 #include "common/wire/server_access.h"
 
@@ -84,7 +84,6 @@ CommandParser::CommandParser(Console& console)
   app_.require_subcommand(1);
   app_.footer(std::string(kExitCodeHelp));
   app_.formatter(std::make_shared<WrappingFormatter>());
-  app_.set_version_flag("--version", absl::StrCat("rigcal ", std::string(wire::kSoftwareVersion)));
   AddServerOption(&app_);
   AddFormatOption(&app_);
 }
@@ -127,30 +126,18 @@ CLI::App* CommandParser::AddCommand(CLI::App* parent, const std::string& name,
   return app;
 }
 
-ExitCode CommandParser::Usage(const std::string& message) {
-  console_.Message(absl::StrCat(message, "; --help shows how it is used"));
-  return ExitCode::kUsage;
-}
-
 ExitCode CommandParser::Run(const std::vector<std::string>& arguments) {
-  for (const std::string& argument : arguments) {
-    if (!IsUtf8(argument)) return Usage(absl::StrCat("'", argument, "' is not UTF-8"));
+  AddVersionFlags(app_, std::string(wire::kSoftwareVersion));
+  const absl::StatusOr<CommandLineTask> task = ParseCommandLine(app_, arguments, console_.out);
+  const absl::Status address = ValidateServerAddress(server_);
+  if (!task.ok()) {
+    console_.Message(std::string(task.status().message()));
+    return ExitCode::kUsage;
   }
-  try {
-    // CLI11 takes them from the back.
-    app_.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
-  } catch (const CLI::Success& help) {
-    app_.exit(help, console_.out, console_.err);
-    return ExitCode::kOk;
-  } catch (const CLI::RequiredError& error) {
-    // It complains of the missing before the unknown, which is mostly why it is missing.
-    const std::vector<std::string> unknown = app_.remaining(/*recurse=*/true);
-    return Usage(unknown.empty() ? error.what() : absl::StrCat("'", unknown[0], "' is not known"));
-  } catch (const CLI::ParseError& error) {
-    return Usage(error.what());
-  }
-  if (const absl::Status status = ValidateServerAddress(server_); asks_server_ && !status.ok()) {
-    return Usage(std::string(status.message()));
+  if (*task == CommandLineTask::kDone) return ExitCode::kOk;
+  if (asks_server_ && !address.ok()) {
+    console_.Message(absl::StrCat(std::string(address.message()), "; see rigcal --help"));
+    return ExitCode::kUsage;
   }
   CommandContext context{console_, server_};
   return chosen_(context);

@@ -45,7 +45,6 @@ class CommandParser {
  private:
   void AddServerOption(CLI::App* app);
   void AddFormatOption(CLI::App* app);
-  ExitCode Usage(const std::string& message);
 
   CLI::App app_;
   Console& console_;
@@ -88,6 +87,9 @@ CLI::Option* AddParsedOption(CLI::App* app, const std::string& name, const char*
   };
   return app->add_option_function<std::string>(name, read, what)->type_name(type);
 }
+// --force of a command that writes files, --yes of one that deletes.
+void AddForceOption(CLI::App* app, bool* force);
+void AddYesOption(CLI::App* app, bool* yes);
 // --rig, --filter and --order-by of a list command. `example` is a term for --filter, `orders`
 // names the fields for --order-by.
 void AddListOptions(CLI::App* app, const std::string& example, const std::string& orders,

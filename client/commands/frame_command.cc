@@ -25,6 +25,7 @@ void AddFrameTarget(CLI::App* app, bool rig, FrameTarget* target) {
   CLI::Option* const output =
       AddOption(app, "--output", "FILE", &target->output,
                 "Write it as this calibration.json instead of keeping it on the server");
+  AddForceOption(app, &target->force);
   CLI::Option* const activate = app->add_flag(
       "--activate", target->activate, "Make it the active calibration of the rig if it is good");
   activate->excludes(output);

@@ -19,6 +19,7 @@ struct FrameTarget {
   std::string rig;          // instead: its active calibration
   std::string output;       // calibration.json to write; empty: the server makes and keeps it
   std::string session;      // of the server: whose rows
+  bool force = false;       // replace the file that is there
   bool activate = false;
   std::string reason, notes;
 };

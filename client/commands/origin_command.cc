@@ -19,6 +19,7 @@
 #include "client/results/calibration_import.h"
 #include "client/results/origin_report.h"
 #include "common/file/durable_file.h"
+#include "common/file/may_write.h"
 #include "common/origin/solve_origin.h"
 #include "common/status/status_macros.h"
 #include "common/target/target_file.h"
@@ -98,6 +99,7 @@ absl::StatusOr<std::vector<MarkerViews>> MeasureFolder(const CalibrationResult& 
 absl::StatusOr<OriginReport> WriteOrigin(const std::string& which,
                                          const OriginCommandOptions& options, OriginRequest request,
                                          CommandContext& context) {
+  RIGCAL_RETURN_IF_ERROR(CheckMayWrite(options.target.output, options.target.force));
   RIGCAL_ASSIGN_OR_RETURN(CalibrationFile file, FetchCalibrationFile(which, context));
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
   std::vector<MarkerViews> measured;

@@ -16,6 +16,7 @@
 #include "client/results/scale_report.h"
 #include "client/results/triangulation_file.h"
 #include "common/file/durable_file.h"
+#include "common/file/may_write.h"
 #include "common/scale/solve_scale.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
@@ -111,6 +112,7 @@ absl::StatusOr<ScaleRequest> WithFolder(const CalibrationResult& calibration,
 
 absl::StatusOr<ScaleReport> WriteScale(const std::string& which, const ScaleCommandOptions& options,
                                        CommandContext& context) {
+  RIGCAL_RETURN_IF_ERROR(CheckMayWrite(options.target.output, options.target.force));
   RIGCAL_ASSIGN_OR_RETURN(CalibrationFile file, FetchCalibrationFile(which, context));
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
   RIGCAL_ASSIGN_OR_RETURN(const ScaleRequest request,

@@ -2,6 +2,7 @@
 #include "client/commands/session_command.h"
 
 #include <algorithm>
+#include <optional>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -9,6 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "client/net/polling.h"
 #include "client/output/quantities.h"
+#include "client/results/observation_folder.h"
 #include "client/results/session_verification.h"
 #include "client/tables/rig_table.h"
 #include "client/tables/session_table.h"
@@ -88,6 +90,18 @@ uint32_t MarkerCount(const v1::Target& target) {
   return static_cast<uint32_t>(std::max(target.points_size(), target.marker_positions_m_size()));
 }
 
+// What a person does next.
+ExitCode ShowStarted(const absl::StatusOr<v1::Session>& session, CommandContext& context) {
+  const ExitCode code = context.Show(session, FormatSession);
+  if (!session.ok() || session->state() != v1::Session::STATE_CAPTURING ||
+      context.console.format != OutputFormat::kTable) {
+    return code;
+  }
+  context.console.Message(absl::StrCat("wave now; stop with: rigcal session stop ", session->id(),
+                                       " --wait (rigcal watch shows what the cameras see)"));
+  return code;
+}
+
 ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest& request,
                         bool start, CommandContext& context) {
   absl::StatusOr<v1::Session> session =
@@ -100,7 +114,7 @@ ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest
           absl::StrCat("session ", id, " was created but could not be started"));
     }
   }
-  return context.Show(session, FormatSession);
+  return ShowStarted(session, context);
 }
 
 }  // namespace
@@ -126,7 +140,7 @@ ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& cont
 ExitCode StartSession(const std::string& id, CommandContext& context) {
   ServerConnection server(context.server);
   TellOfState(FetchSession(server, id), v1::Session::STATE_CAPTURING, context);
-  return context.Show(CallStart(server, id), FormatSession);
+  return ShowStarted(CallStart(server, id), context);
 }
 
 ExitCode StopSession(const SessionStopOptions& options, CommandContext& context) {
@@ -147,7 +161,11 @@ ExitCode StopSession(const SessionStopOptions& options, CommandContext& context)
     progress.Clear();
     if (session.ok()) WarnOfMissing(*session, context);
   }
-  return context.Show(session, FormatSession);
+  const ExitCode code = context.Show(session, FormatSession);
+  if (session.ok() && context.console.format == OutputFormat::kTable) {
+    context.console.Message(absl::StrCat("next: rigcal calibrate ", session->id(), " --wait"));
+  }
+  return code;
 }
 
 ExitCode ListSessions(const ListOptions& options, CommandContext& context) {
@@ -183,8 +201,22 @@ ExitCode VerifySessionStreams(const std::string& id, CommandContext& context) {
   return verification.holds() ? ExitCode::kOk : ExitCode::kNotVerified;
 }
 
-ExitCode DeleteSession(const std::string& id, CommandContext& context) {
+ExitCode DeleteSession(const SessionDeleteOptions& options, CommandContext& context) {
+  const std::string& id = options.id;
   ServerConnection server(context.server);
+  if (!options.yes) {
+    const absl::StatusOr<v1::Session> session = FetchSession(server, id);
+    // One that is damaged can be deleted.
+    if (!session.ok() && !absl::IsDataLoss(session.status())) {
+      return context.Fail(session.status());
+    }
+    const std::string rows =
+        session.ok()
+            ? absl::StrCat(" with ", FormatCount(session->observation_count(), "observation"))
+            : "";
+    const ExitCode sure = Confirm(context.console, absl::StrCat("delete session ", id, rows));
+    if (sure != ExitCode::kOk) return sure;
+  }
   return context.Show(server.CallWithId(&SessionStub::DeleteSession, id), [&](const auto&) {
     return Printable(absl::StrCat(
         "session ", id, " and its observations are deleted; calibrations made from it stay\n"));
@@ -278,7 +310,22 @@ ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
   Console& console = context.console;
   const auto session = SessionOf(server.CallWithId(&SessionStub::GetSession, options.session));
   if (!session.ok()) return context.Fail(session.status());
-  if (console.format == OutputFormat::kTable) {
+  std::optional<ObservationFolder> folder;
+  if (!options.output.empty()) {
+    folder.emplace(options.output, options.force);
+    std::vector<v1::CameraDescription> cameras;
+    for (const v1::SessionCamera& camera : session->cameras()) {
+      const bool wanted = options.camera.empty() || options.camera == camera.description().camera();
+      if (wanted) cameras.push_back(camera.description());
+    }
+    if (cameras.empty()) {
+      return context.Fail(absl::FailedPreconditionError(
+          absl::StrCat("session ", options.session, " has no ",
+                       options.camera.empty() ? "cameras: nothing has been captured"
+                                              : absl::StrCat("camera ", options.camera))));
+    }
+    if (absl::Status status = folder->Begin(cameras); !status.ok()) return context.Fail(status);
+  } else if (console.format == OutputFormat::kTable) {
     WriteObservationHead(MarkerCount(session->target()), console.out);
   }
 
@@ -286,26 +333,36 @@ ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
   request.set_session_id(options.session);
   request.set_camera(options.camera);
   request.set_include_late(options.include_late);
-  absl::Status fault;
+  absl::Status fault, written;
   const absl::Status status =
       server.Read(&SessionStub::ReadObservations, request, kReadTimeout,
                   [&](const v1::ReadObservationsResponse& response) {
                     const v1::ObservationBatch& message = response.batch();
-                    if (console.format == OutputFormat::kJson) {
+                    if (!folder && console.format == OutputFormat::kJson) {
                       console.out << ToJson(message, /*indented=*/false) << "\n";
                       return console.out.good();
                     }
                     const absl::StatusOr<ObservationBatch> batch = wire::FromProto(message);
                     fault = batch.status();
-                    if (batch.ok()) WriteObservationRows(*batch, console.out);
-                    return batch.ok() && console.out.good();
+                    if (batch.ok() && folder) {
+                      written = folder->Add(*batch);
+                    } else if (batch.ok()) {
+                      WriteObservationRows(*batch, console.out);
+                    }
+                    return batch.ok() && written.ok() && console.out.good();
                   });
   console.out.flush();
   if (!status.ok()) return context.Fail(status);
+  if (folder && written.ok() && fault.ok()) written = folder->Finish();
+  if (!written.ok()) return context.Fail(written);
   if (!fault.ok()) {
     return context.Fail(
         absl::DataLossError(absl::StrCat("the server sent a batch of session ", options.session,
                                          " that cannot be read: ", std::string(fault.message()))));
+  }
+  if (folder) {
+    for (const std::string& note : folder->notes()) console.Message(note);
+    PrintFiles("session", options.session, folder->files(), context);
   }
   return ExitCode::kOk;
 }

@@ -34,7 +34,11 @@ ExitCode StartSession(const std::string& id, CommandContext& context);
 ExitCode StopSession(const SessionStopOptions& options, CommandContext& context);
 ExitCode ListSessions(const ListOptions& options, CommandContext& context);
 ExitCode GetSession(const std::string& id, CommandContext& context);
-ExitCode DeleteSession(const std::string& id, CommandContext& context);
+struct SessionDeleteOptions {
+  std::string id;
+  bool yes = false;  // without asking
+};
+ExitCode DeleteSession(const SessionDeleteOptions& options, CommandContext& context);
 
 struct SessionDiscardOptions {
   std::string id;
@@ -72,12 +76,14 @@ struct SessionObservationsOptions {
   std::string session;
   std::string camera;  // empty: all
   bool include_late = false;
+  std::string output;  // folder for a recorded rig; empty: CSV or JSON on stdout
+  bool force = false;  // replace files that are there
 };
 
 // Writes what is stored of a session as CSV, in the order (camera, stream_epoch, seq): a head line,
 // then `camera,stream_epoch,seq,clock_epoch,time_ns` and x, y (pixels, as many digits as it takes
 // to read the same float again) of each marker; both empty for a marker that is not visible. As
-// JSON: one ObservationBatch per line.
+// JSON: one ObservationBatch per line. With `output`: files as `rigcal local --data` reads them.
 ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
                                   CommandContext& context);
 

@@ -3,6 +3,7 @@
 #include "client/commands/command_parser.h"
 #include "client/commands/identity_command.h"
 #include "client/commands/session_command.h"
+#include "common/command_line/command_line.h"
 
 namespace rigcal::client {
 namespace {
@@ -97,11 +98,16 @@ void AddPrune(CommandParser& parser, CLI::App* group) {
 void AddObservations(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "observations",
-      "Write what is stored as CSV: camera,stream_epoch,seq,clock_epoch,time_ns and x,y of each "
-      "marker (empty: not visible), in the order (camera, stream_epoch, seq); as JSON one batch "
-      "per line",
+      "Write what is stored: with --output as the files that rigcal local --data and rigcal "
+      "triangulate read; without it on stdout as one CSV, camera,stream_epoch,seq,clock_epoch,"
+      "time_ns and x,y of each marker (empty: not visible), in the order (camera, stream_epoch, "
+      "seq), as JSON one batch per line",
       WriteSessionObservations);
   AddArgument(app, "SESSION", kSessionHelp, &options->session);
+  AddOption(app, "--output", "DIR", &options->output,
+            "Folder for <camera>.csv (time_ns;x0;y0;x1;y1;..., -1: not seen) and <camera>.yaml "
+            "(OpenCV intrinsics) of each camera, made where missing");
+  AddForceOption(app, &options->force);
   AddOption(app, "--camera", "NAME", &options->camera, "This camera only");
   app->add_flag("--include-late", options->include_late,
                 "Include observations that arrived after the session had finished");
@@ -115,7 +121,9 @@ void AddPreview(CommandParser& parser, CLI::App* group) {
       "Previews are off unless the agent's configuration says enabled = true under [preview]",
       PreviewCamera);
   app->add_option("camera", options->camera, "Name of the camera")->required()->type_name("CAMERA");
-  AddOption(app, "--out", "FILE", &options->file, "File to write; without it CAMERA.jpg");
+  AddOption(app, "--output", "FILE", &options->file, "File to write; without it CAMERA.jpg");
+  AddFormerOption(app, "--out", "--output");
+  AddForceOption(app, &options->force);
   AddOption(app, "--rig", "RIG", &options->rig,
             "Rig of the camera, if several have one of that name");
 }
@@ -137,7 +145,10 @@ void AddSessionCommands(CommandParser& parser) {
                "Prove that everything detected is on the server and can be read, or was counted as "
                "dropped; else say which rows are where (exit code 5)",
                VerifySessionStreams);
-  AddIdCommand(parser, group, "delete", "Remove a session and its observations", DeleteSession);
+  auto [remove, removed] = parser.AddCommand(
+      group, "delete", "Remove a session and its observations", DeleteSession);
+  AddArgument(remove, "SESSION", kSessionHelp, &removed->id);
+  AddYesOption(remove, &removed->yes);
   AddDiscard(parser, group);
   AddResume(parser, group);
   AddPrune(parser, group);

@@ -73,6 +73,14 @@ CLI::Validator NumberBetween(double low, double high) {
       "");
 }
 
+void AddForceOption(CLI::App* app, bool* force) {
+  app->add_flag("--force", *force, "Replace files that exist; without it they stay");
+}
+
+void AddYesOption(CLI::App* app, bool* yes) {
+  app->add_flag("--yes", *yes, "Without asking; needed where nobody can be asked");
+}
+
 void AddTargetOption(CLI::App* app, bool required, Target* target) {
   AddParsedOption(
       app, "--target", "TARGET", target, ParseTarget,

@@ -2,6 +2,7 @@
 #include "client/commands/triangulate_command.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <utility>
 
@@ -15,6 +16,7 @@
 #include "client/results/marker_rows.h"
 #include "client/results/triangulation_file.h"
 #include "common/file/durable_file.h"
+#include "common/file/may_write.h"
 #include "common/status/status_macros.h"
 #include "common/triangulate/convention_check.h"
 
@@ -23,6 +25,15 @@ namespace {
 
 absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandOptions& options,
                                                        CommandContext& context) {
+  if (options.output != "-") {
+    RIGCAL_RETURN_IF_ERROR(CheckMayWrite(options.output, options.force));
+  }
+  if (std::error_code error; !std::filesystem::is_directory(options.data, error)) {
+    return absl::NotFoundError(absl::StrCat(
+        "there is no folder ", options.data,
+        ": --data names the folder with <camera>.csv of each camera, and the calibration stands "
+        "before it"));
+  }
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationFile file,
                           FetchCalibrationFile(options.calibration, context));
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
@@ -94,6 +105,7 @@ void AddTriangulateCommand(CommandParser& parser) {
             "File to write: time, label, x_m, y_m, z_m, sigmas, covariances; Apache Parquet if it "
             "ends in .parquet, else CSV; - for CSV on stdout")
       ->required();
+  AddForceOption(app, &options->force);
   AddOption(app, "--sigma-px", "PX", &options->triangulation.sigma_px,
             "One sigma of each coordinate of a centre, pixels; without it as the calibration's "
             "residuals scatter, camera by camera")

@@ -9,6 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/net/unknown_id.h"
 #include "common/wire/grpc_status.h"
 #include "grpc/health/v1/health.pb.h"
 
@@ -21,6 +22,8 @@ constexpr int kMaxMessageBytes = 64 << 20;
 constexpr int kConnectMs = 10'000;
 constexpr int kFirstPauseMs = 100;
 constexpr int kLastPauseMs = 1000;
+// Looked through for what an unknown id was meant to be.
+constexpr uint32_t kMostKnownIds = 500;
 
 std::shared_ptr<grpc::Channel> MakeChannel(
     const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
@@ -54,6 +57,12 @@ constexpr char kAdvice[] =
 
 absl::Status ValidateServerAddress(std::string_view address) {
   if (address.starts_with("unix:/")) return absl::OkStatus();
+  if (address.starts_with("http://") || address.starts_with("https://")) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "'", std::string(address), "' is the address of a page; give HOST:PORT without ",
+        std::string(address.substr(0, address.find("//") + 2)),
+        ", and the gRPC port (7420), not that of the dashboard"));
+  }
   const size_t colon = address.rfind(':');
   const std::string_view host = address.substr(0, colon);
   uint32_t port = 0;
@@ -78,6 +87,13 @@ ServerConnection::ServerConnection(const std::string& address, const wire::Clien
 absl::Status ServerConnection::Explain(const grpc::Status& status,
                                        std::chrono::milliseconds timeout) const {
   const std::string cause = CauseOf(status.error_message());
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE &&
+      absl::StrContains(status.error_message(), "http1.x")) {
+    return absl::UnavailableError(
+        absl::StrCat(address_,
+                     " is an HTTP port, such as that of the dashboard; rigcal speaks gRPC, "
+                     "which is at the port before it (7420 where the dashboard is at 7421)"));
+  }
   const bool plain =
       wire::IsOnThisMachine(address_) && !address_.starts_with("unix:") && !identity_.Exists();
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE && plain &&
@@ -109,9 +125,40 @@ absl::Status ServerConnection::Explain(const grpc::Status& status,
         "): it is another program or another version; rigcal doctor compares the versions"));
   }
   const absl::Status named = wire::FromGrpc(status);
+  if (absl::IsNotFound(named) && !named.message().empty()) return ExplainUnknownId(named);
   if (!named.message().empty()) return named;
   return absl::Status(named.code(), absl::StrCat("the server at ", address_, " refused: ",
                                                  absl::StatusCodeToString(named.code())));
+}
+
+absl::Status ServerConnection::ExplainUnknownId(const absl::Status& status) const {
+  const UnknownId unknown = ParseUnknownId(std::string(status.message()));
+  if (unknown.kind.empty()) return status;
+  KnownIds known;
+  const auto deadline = std::chrono::system_clock::now() + kCallTimeout;
+  {
+    grpc::ClientContext context;
+    context.set_deadline(deadline);
+    v1::ListSessionsRequest request;
+    request.set_page_size(kMostKnownIds);
+    v1::ListSessionsResponse response;
+    if (!v1::SessionService::Stub(channel_).ListSessions(&context, request, &response).ok()) {
+      return status;
+    }
+    for (const v1::Session& session : response.sessions()) known.sessions.push_back(session.id());
+  }
+  grpc::ClientContext context;
+  context.set_deadline(deadline);
+  v1::ListCalibrationsRequest request;
+  request.set_page_size(kMostKnownIds);
+  v1::ListCalibrationsResponse response;
+  if (!v1::CalibrationService::Stub(channel_).ListCalibrations(&context, request, &response).ok()) {
+    return status;
+  }
+  for (const v1::Calibration& calibration : response.calibrations()) {
+    known.calibrations.push_back(calibration.id());
+  }
+  return absl::NotFoundError(DescribeUnknownId(unknown, known));
 }
 
 absl::StatusOr<std::string> ServerConnection::CheckHealth() {

@@ -138,6 +138,8 @@ class ServerConnection {
 
  private:
   absl::Status Explain(const grpc::Status& status, std::chrono::milliseconds timeout) const;
+  // A session or calibration that does not exist: with what was probably meant, or what there is.
+  absl::Status ExplainUnknownId(const absl::Status& status) const;
 
   const std::string address_;
   const wire::ClientIdentity identity_;

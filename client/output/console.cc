@@ -5,6 +5,7 @@
 
 #include <cerrno>
 
+#include "client/output/grade_colour.h"
 #include "common/text/printable.h"
 
 namespace rigcal::client {
@@ -13,6 +14,10 @@ namespace {
 constexpr size_t kProgressColumns = 79;
 
 }  // namespace
+
+void Console::Print(std::string_view text) {
+  out << (colour ? ColourGrades(text) : std::string(text)) << std::flush;
+}
 
 void Console::Message(std::string_view text) {
   out.flush();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <istream>
 #include <ostream>
 #include <streambuf>
 #include <string>
@@ -16,7 +17,14 @@ struct Console {
   std::ostream& out;
   std::ostream& err;
   bool err_is_terminal = false;
+  // Where a person answers a question; null: nobody can be asked.
+  std::istream* in = nullptr;
+  // Grades on `out` are coloured: it is a terminal whose user does not refuse it (NO_COLOR).
+  bool colour = false;
   OutputFormat format = OutputFormat::kTable;
+
+  // A result for people on `out`.
+  void Print(std::string_view text);
 
   // One line on `err`: "rigcal: <text>".
   void Message(std::string_view text);

@@ -23,7 +23,7 @@ std::string FormatFixed(double value, int digits) {
 
 std::string FormatTime(bool is_set, const google::protobuf::Timestamp& time) {
   if (!is_set) return "-";
-  return absl::FormatTime("%Y-%m-%d %H:%M:%S", absl::FromUnixSeconds(time.seconds()),
+  return absl::FormatTime("%Y-%m-%d %H:%M:%S %Z", absl::FromUnixSeconds(time.seconds()),
                           absl::LocalTimeZone());
 }
 

@@ -12,7 +12,7 @@ namespace rigcal::client {
 
 // With so many digits after the point; never "-0.000"; "nan" and "inf" as such.
 std::string FormatFixed(double value, int digits);
-// Local time, to the second; "-" for a time that is not set.
+// Local time with its zone, to the second: "2026-05-01 14:03:07 CEST"; "-" for a time that is not set.
 std::string FormatTime(bool is_set, const google::protobuf::Timestamp& time);
 // "0.82 s", "3 min 20 s".
 std::string FormatDuration(double seconds);

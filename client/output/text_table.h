@@ -31,11 +31,18 @@ class TextTable {
   void AddRow(const std::vector<Cell>& cells);
   bool empty() const { return lines_.size() == 1; }
 
+  // Tables get at most so many terminal columns from now on, by breaking the text of columns of
+  // words; 0, as at first: as many as they take. Before any thread is started.
+  static void FitTo(size_t columns);
+
   // Heads and rows, each line ended by a newline and without trailing spaces; `indent` spaces
   // before each line.
   std::string Format(size_t indent = 0) const;
 
  private:
+  // Makes the widest columns of words narrower until the table fits.
+  void Narrow(size_t indent, std::vector<size_t>* widths) const;
+
   struct Column {
     bool is_number = false;
     std::string group;

@@ -34,6 +34,15 @@ bool Terminal::IsThere() {
          std::string_view(kind) != "dumb";
 }
 
+size_t Terminal::ColumnsOfOutput() { return SizeOf().ws_col; }
+
+bool Terminal::HasColour() {
+  const char* const kind = std::getenv("TERM");
+  const char* const refused = std::getenv("NO_COLOR");
+  return kind != nullptr && std::string_view(kind) != "dumb" &&
+         (refused == nullptr || *refused == '\0');
+}
+
 Terminal::Terminal() {
   if (tcgetattr(STDIN_FILENO, &before_) == 0) {
     termios keys = before_;

@@ -16,6 +16,10 @@ class Terminal {
  public:
   // True: both are a terminal that can do this.
   static bool IsThere();
+  // Columns of the terminal of stdout; 0: not known.
+  static size_t ColumnsOfOutput();
+  // Whether it shows colours that its user wants (no-color.org).
+  static bool HasColour();
 
   Terminal();
   ~Terminal();

@@ -2,7 +2,6 @@
 #include "client/watch/watch_command.h"
 
 #include <chrono>
-#include <cstdlib>
 #include <memory>
 #include <optional>
 
@@ -13,6 +12,7 @@
 #include "client/watch/live_mirror.h"
 #include "client/watch/live_text.h"
 #include "client/watch/terminal.h"
+#include "client/watch/watch_keys.h"
 #include "rigcal/v1/live_service.grpc.pb.h"
 
 namespace rigcal::client {
@@ -92,8 +92,10 @@ std::string StopLiveSession(const v1::LiveState& live, ServerConnection& server)
 }
 
 ExitCode WatchOnTerminal(Follower* follower, ServerConnection& server, CommandContext& context) {
-  const bool colour = std::getenv("NO_COLOR") == nullptr;
+  const bool colour = Terminal::HasColour();
   std::string message;
+  std::string result;  // of the last stop; also said when the screen is gone
+  WatchKeys keys;
   absl::Status status;
   {
     const StopSignals signals;
@@ -109,12 +111,21 @@ ExitCode WatchOnTerminal(Follower* follower, ServerConnection& server, CommandCo
                                                          .problem = follower->problem(),
                                                          .message = message}));
       const char key = terminal.WaitForKey(kPollInterval);
-      if (key == 'q' || key == 'Q') break;
-      if (key == 's' || key == 'S') message = StopLiveSession(follower->state(), server);
+      const v1::LiveState& live = follower->state();
+      const std::string session = live.has_session() ? live.session().id() : "";
+      const WatchKeys::Act act = keys.Press(key, session);
+      if (act == WatchKeys::Act::kLeave) break;
+      if (act == WatchKeys::Act::kKeep) message = "the session goes on";
+      if (act == WatchKeys::Act::kStop) message = result = StopLiveSession(live, server);
+      if (act == WatchKeys::Act::kAsk) {
+        message = session.empty() ? "there is no session to stop"
+                                  : absl::StrCat("stop session ", session,
+                                                 "? y stops it, any other key lets it go on");
+      }
     }
   }
   if (!status.ok()) return context.Fail(status);
-  if (!message.empty()) context.console.Message(message);
+  if (!result.empty()) context.console.Message(result);
   return ExitCode::kOk;
 }
 
@@ -165,7 +176,7 @@ ExitCode WatchLive(const WatchOptions& asked, CommandContext& context) {
 void AddWatchCommand(CommandParser& parser) {
   auto [app, options] = parser.AddCommand(
       nullptr, "watch",
-      "The rig while you wave: expected error in mm, cameras, advice, alerts (key s: stop the "
+      "The rig while you wave: expected error in mm, cameras, advice, alerts (keys s, then y: stop the "
       "session, q: leave); without a terminal a line each second",
       WatchLive);
   AddOption(app, "--rig", "RIG", &options->rig, "Rig to watch; without it \"rig\"");

@@ -34,7 +34,7 @@ struct ServerLimits {
 // [https]: the dashboard, the JSON API, and where other PCs join. With TLS when other PCs can reach
 // `listen` of the server, or it is set here; this PC needs none.
 struct ServerHttpsConfig {
-  std::string listen;  // HOST:PORT; empty: the host of ServerConfig::listen, port 7421
+  std::string listen;  // HOST:PORT; empty: the host of ServerConfig::listen, the port behind its
   std::string hosts;   // further names under which browsers reach it: "rig.lab.org, rig"
 
   friend bool operator==(const ServerHttpsConfig&, const ServerHttpsConfig&) = default;

@@ -26,6 +26,9 @@ void AddOptions(Target* target, OptionTable* table);
 namespace {
 
 constexpr char kExample[] = "wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.002";
+constexpr char kHowWritten[] =
+    "positions are in metres, without a unit, with a comma between them and a point before "
+    "decimals";
 constexpr double kMaxLengthM = 20;  // more is millimetres typed as metres
 constexpr double kMinSpanM = 1e-4;  // closer markers are one marker
 constexpr double kMaxDiameterM = 1;
@@ -49,9 +52,10 @@ absl::Status ParseNumbers(std::string_view part, std::vector<double>* numbers) {
     const std::string word(absl::StripAsciiWhitespace(item));
     double value = 0;
     if (!absl::SimpleAtod(word, &value) || !std::isfinite(value)) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "\"", absl::CHexEscape(word.substr(0, 64)), "\" in \"",
-          absl::CHexEscape(std::string(part.substr(0, 100))), "\" is not a finite number"));
+      return absl::InvalidArgumentError(
+          absl::StrCat("\"", absl::CHexEscape(word.substr(0, 64)), "\" in \"",
+                       absl::CHexEscape(std::string(part.substr(0, 100))),
+                       "\" is not a finite number; ", kHowWritten));
     }
     numbers->push_back(value);
   }
@@ -76,7 +80,8 @@ absl::Status Normalise(Target* target) {
       return absl::InvalidArgumentError(absl::StrCat(
           "markers at ", given[i - 1].first, " and ", given[i].first,
           " are at the same position, a wand needs at least two distinct positions and each only "
-          "once"));
+          "once; ",
+          kHowWritten));
     }
   }
   return absl::OkStatus();
@@ -139,6 +144,12 @@ absl::Status ParseParts(std::string_view text, Target* target) {
                      "\"rigid:\" or \"static:\" and a file of points, or \"point\""));
   }
   parts.erase(parts.begin());
+  // "wand:0;0,13;0,39", as it is written where decimals have a comma.
+  for (const std::string& part : parts) {
+    if (part.empty() || !absl::ascii_isdigit(static_cast<unsigned char>(part[0]))) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", absl::CHexEscape(part.substr(0, 64)), "\" is no option; ", kHowWritten));
+  }
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<OptionText> given, SplitOptions(parts));
   OptionTable table;
   AddOptions(target, &table);

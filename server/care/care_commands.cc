@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
+#include <string_view>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
@@ -118,6 +120,16 @@ uint64_t SizeWithLog(const fs::path& file) {
   return bytes;
 }
 
+// A file that never was a database. One that is missing is named by who opens it.
+bool IsOtherFile(const fs::path& path) {
+  constexpr std::string_view kBegin = "SQLite format 3";
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return false;
+  std::string begin(kBegin.size(), '\0');
+  file.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  return begin != kBegin;
+}
+
 }  // namespace
 
 CareCommands::CareCommands(CLI::App* app) {
@@ -188,6 +200,10 @@ int CareCommands::BackUp(const std::string& data_directory) const {
 }
 
 int CareCommands::Restore(const std::string& data_directory) const {
+  if (IsOtherFile(file_)) {
+    return Fail(absl::InvalidArgumentError(
+        absl::StrCat(file_, " is no backup of a server; rigcal-server backup FILE makes one")));
+  }
   RestoredIdentity identity;
   const auto reconcile = [&](const fs::path& before, const fs::path& restored) -> absl::Status {
     RIGCAL_ASSIGN_OR_RETURN(

@@ -18,7 +18,7 @@
 namespace rigcal::server {
 namespace {
 
-constexpr uint16_t kWebPort = 7421;
+constexpr uint16_t kWebPort = 7421;  // where the one behind gRPC's cannot be
 constexpr char kStatusRpc[] = "/rigcal.v1.StatusService/GetStatus";
 
 std::string HostOf(const std::string& address) {
@@ -27,15 +27,15 @@ std::string HostOf(const std::string& address) {
   return SplitHostPort(address, &host, &port) ? host : "";
 }
 
-bool HasAnyPort(const std::string& address) {
-  std::string host;
-  uint16_t port = 0;
-  return SplitHostPort(address, &host, &port) && port == 0;
-}
-
+// The port behind that of gRPC, so that --listen moves both; any free one where that is any.
 std::string WebAddress(const WebServerOptions& options) {
   if (!options.https_listen.empty()) return options.https_listen;
-  return JoinHostPort(HostOf(options.grpc_listen), HasAnyPort(options.grpc_listen) ? 0 : kWebPort);
+  std::string host;
+  uint16_t port = 0;
+  constexpr uint16_t kLastPort = 65535;
+  if (!SplitHostPort(options.grpc_listen, &host, &port)) return JoinHostPort("", kWebPort);
+  if (port == kLastPort) return JoinHostPort(host, kWebPort);
+  return JoinHostPort(host, port == 0 ? uint16_t{0} : static_cast<uint16_t>(port + 1));
 }
 
 // Others can reach one of the ports or are meant to join, or this machine itself must sign in.

@@ -5,9 +5,11 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <iostream>
 #include <new>
 #include <string>
 
+#include "common/command_line/command_line.h"
 #include "common/wire/protocol_version.h"
 #include "server/worker/worker.h"
 #include "server/worker/worker_limits.h"
@@ -23,17 +25,19 @@ int RunProgram(int argc, char** argv) {
   bool estimate = false;
   CLI::App app(
       "Runs one solve for rigcal-server, which starts it: reads the observations from standard\n"
-      "input and writes progress and result to standard output.");
-  app.set_version_flag("--version", std::string(wire::kSoftwareVersion));
+      "input and writes progress and result to standard output.",
+      "rigcal-worker");
   app.add_option("--parent", parent, "Process to end with")->type_name("PID");
   app.add_option("--memory", memory_bytes, "Limit of the solve's memory; 0: none")
       ->type_name("BYTES");
   app.add_flag("--estimate", estimate, "Make a running estimate instead of a calibration");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+  AddVersionFlags(app, std::string(wire::kSoftwareVersion));
+  const auto task = ParseCommandLine(app, argc, argv, std::cout);
+  if (!task.ok()) {
+    std::fprintf(stderr, "rigcal-worker: %s\n", std::string(task.status().message()).c_str());
+    return kUsageExitCode;
   }
+  if (*task == CommandLineTask::kDone) return 0;
   signal(SIGPIPE, SIG_IGN);
   absl::Status status = ApplyWorkerLimits(parent, memory_bytes);
   std::set_new_handler(EndOutOfMemory);

@@ -16,9 +16,12 @@ struct CommandOutcome {
 };
 
 // Runs what a user would type behind `rigcal`, in this process.
-inline CommandOutcome Rigcal(const std::vector<std::string>& arguments) {
+// `in`: where a person answers; null: nobody is there.
+inline CommandOutcome Rigcal(const std::vector<std::string>& arguments,
+                             std::istream* in = nullptr) {
   std::ostringstream out, err;
   client::Console console{.out = out, .err = err};
+  console.in = in;
   CommandOutcome outcome;
   outcome.exit_code = static_cast<int>(client::RunCommandLine(arguments, console));
   outcome.out = out.str();

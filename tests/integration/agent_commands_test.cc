@@ -87,7 +87,7 @@ class AgentCommands : public ::testing::Test {
 
 TEST_F(AgentCommands, DetectFindsTheWandInAFolder) {
   const CommandResult result =
-      RunCommand({"rigcal-agent", "detect", folder().string(), "--target", kTarget, "--out",
+      RunCommand({"rigcal-agent", "detect", folder().string(), "--target", kTarget, "--output",
                   Path("left.csv").string(), "--annotate", Path("seen").string(), "-o", "json"});
   ASSERT_EQ(result.exit_code, 0) << result.error;
   const json report = json::parse(result.output);
@@ -126,7 +126,7 @@ TEST_F(AgentCommands, DetectGivesTheCentresOfSpheresIfItHasIntrinsics) {
               IsOk());
   const CommandResult result =
       RunCommand({"rigcal-agent", "detect", folder().string(), "--target", kTarget, "--calibration",
-                  Path("camera.yaml").string(), "--out", Path("left.csv").string(), "-o", "json"});
+                  Path("camera.yaml").string(), "--output", Path("left.csv").string(), "-o", "json"});
   ASSERT_EQ(result.exit_code, 0) << result.error;
   EXPECT_EQ(json::parse(result.output)["centres"], "sphere");
   const auto rows = ReadCsv(Path("left.csv"));
@@ -148,7 +148,7 @@ TEST_F(AgentCommands, DetectGivesTheCentresOfSpheresIfItHasIntrinsics) {
 TEST_F(AgentCommands, DetectFindsTheSameWithoutTracking) {
   const auto run = [&](std::vector<std::string> more) {
     std::vector<std::string> command = {"rigcal-agent", "detect", folder().string(),     "--target",
-                                        kTarget,        "--out",  Path("a.csv").string()};
+                                        kTarget,        "--output",  Path("a.csv").string()};
     command.insert(command.end(), more.begin(), more.end());
     const CommandResult result = RunCommand(command);
     EXPECT_EQ(result.exit_code, 0) << result.error;
@@ -183,7 +183,7 @@ TEST_F(AgentCommands, DetectContinuesAfterDamagedImages) {
 
 TEST_F(AgentCommands, TuneLearnsARangeThatFindsTheWand) {
   const CommandResult tuned = RunCommand({"rigcal-agent", "tune", folder().string(), "--target",
-                                          kTarget, "--out", Path("detector.toml").string()});
+                                          kTarget, "--output", Path("detector.toml").string()});
   ASSERT_EQ(tuned.exit_code, 0) << tuned.error;
   std::ifstream stream(Path("detector.toml"));
   const std::string snippet(std::istreambuf_iterator<char>(stream), {});
@@ -210,7 +210,7 @@ TEST_F(AgentCommands, MaskHidesStationaryPixels) {
   }
   const std::string mask = Path("mask.png").string();
   const CommandResult learnt =
-      RunCommand({"rigcal-agent", "mask", still.string(), "--out", mask, "-o", "json"});
+      RunCommand({"rigcal-agent", "mask", still.string(), "--output", mask, "-o", "json"});
   ASSERT_EQ(learnt.exit_code, 0) << learnt.error;
   EXPECT_EQ(json::parse(learnt.output)["pictures"], 4);
   EXPECT_GT(json::parse(learnt.output)["ignored_pixels"], 100);
@@ -240,9 +240,9 @@ TEST_F(AgentCommands, ReportErrorsAndExitWithOneOrTwo) {
       {{"detect", "/nowhere", "--target", kTarget}, 1, "/nowhere"},
       {{"detect", empty, "--target", kTarget}, 1, "no image"},
       {{"detect", text, "--target", kTarget}, 1, "cannot be read by FFmpeg"},
-      {{"detect", left, "--target", kTarget, "--out", "/nowhere/a.csv"}, 1, "/nowhere/a.csv"},
-      {{"mask", left}, 2, "--out"},
-      {{"mask", left, "--out", "/nowhere/m.png"}, 1, "/nowhere/m.png"},
+      {{"detect", left, "--target", kTarget, "--output", "/nowhere/a.csv"}, 1, "/nowhere/a.csv"},
+      {{"mask", left}, 2, "--output"},
+      {{"mask", left, "--output", "/nowhere/m.png"}, 1, "/nowhere/m.png"},
       {{"tune", empty, "--target", kTarget}, 1, "no image"},
       {{"dance"}, 2, "dance"},
   };

@@ -198,7 +198,7 @@ TEST_F(CareCommands, ADamagedSessionIsNamedAndTheOthersWorkOn) {
   ASSERT_THAT(calibration, IsOk());
   EXPECT_EQ(calibration->state(), v1::Calibration::STATE_SUCCEEDED) << calibration->error();
   EXPECT_EQ(Care({"check"}).exit_code, 1);
-  EXPECT_EQ(rigcal({"session", "delete", "hurt"}).exit_code, 0);
+  EXPECT_EQ(rigcal({"session", "delete", "hurt", "--yes"}).exit_code, 0);
   EXPECT_EQ(Care({"check"}).exit_code, 0);
 }
 
@@ -237,7 +237,7 @@ TEST_F(CareCommands, CompactShrinksTheDatabaseOfARunningServerAndOfNone) {
     for (int i = 0; i < 3; ++i) Deliver(absl::StrCat("b", running, i));
     for (int i = 0; i < 3; ++i) {
       const CommandResult deleted =
-          RunCommand({"rigcal", "session", "delete", absl::StrCat("b", running, i)},
+          RunCommand({"rigcal", "session", "delete", absl::StrCat("b", running, i), "--yes"},
                      {{"RIGCAL_SERVER", server_->address()}});
       ASSERT_EQ(deleted.exit_code, 0) << deleted.error;
     }

@@ -254,7 +254,7 @@ TEST_F(ServerOnFullDisk, GoesOnWhenSessionsAreDeletedThoughTheDiskStaysFull) {
   ASSERT_NO_FATAL_FAILURE(server_->Fill(0));
   ASSERT_TRUE(WaitFor([&] { return IngestHealth() == "NOT_SERVING"; }));
   EXPECT_EQ(Readiness(), 503);
-  EXPECT_EQ(RunCommand({"rigcal", "session", "delete", "old", "--server", address_}).exit_code, 0);
+  EXPECT_EQ(RunCommand({"rigcal", "session", "delete", "old", "--yes", "--server", address_}).exit_code, 0);
   EXPECT_TRUE(WaitFor([&] { return IngestHealth() == "SERVING" && Readiness() == 200; }))
       << server_->process().StandardError();
   EXPECT_LT(server_->FreeMb(), 16);

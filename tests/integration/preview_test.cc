@@ -44,7 +44,7 @@ class PreviewPrograms : public ::testing::Test {
     return RunCommand(arguments, {{"RIGCAL_SERVER", server_.address()}});
   }
   CommandResult Preview(const std::string& camera) {
-    return Rigcal({"agent", "preview", camera, "--out", File(), "-o", "json"});
+    return Rigcal({"agent", "preview", camera, "--output", File(), "-o", "json"});
   }
   std::string File() const { return (directory_.path() / "now.jpg").string(); }
 

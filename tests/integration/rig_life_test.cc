@@ -421,7 +421,7 @@ TEST_F(RigLife, WhatMustNotBecomeActiveDoesNot) {
   ExpectRefused({"rig", "rollback", "rig"}, "with sim_3");
   ASSERT_EQ(Rigcal({"rig", "rollback", "rig", "--force"}).exit_code, 0);
   ASSERT_EQ(Active(), first);
-  ExpectRefused({"calibration", "delete", first}, "it is the active one");
+  ExpectRefused({"calibration", "delete", first, "--yes"}, "it is the active one");
 
   // A what-if, by its options.
   const std::string what_if = Calibrate({"first", "--without", "sim_3", "--from", "2s", "--to",

@@ -293,7 +293,7 @@ TEST_F(SessionVerify, ASessionThatHasNotStartedAndOneThatIsGone) {
   EXPECT_EQ(Rigcal({"session", "create", "--target", "wand:0,0.13,0.39", "--id", "next"}).exit_code,
             0);
   EXPECT_EQ(Rigcal({"session", "verify", "next"}).exit_code, 5);
-  EXPECT_EQ(Rigcal({"session", "delete", "wave"}).exit_code, 0);
+  EXPECT_EQ(Rigcal({"session", "delete", "wave", "--yes"}).exit_code, 0);
   EXPECT_EQ(Rigcal({"session", "verify", "wave"}).exit_code, 1);
 }
 

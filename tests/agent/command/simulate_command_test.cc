@@ -81,7 +81,7 @@ TEST(SimulateCommand, WritesARawFileAndWhereTheMarkersAre) {
   const std::string raw = (folder.path() / "left.raw").string();
   ASSERT_THAT(RunSimulate({"sim:camera=1;cameras=4;events=1;duration=0.2;background=0;leak=0;"
                            "hot_pixels=0;bars=0;lamps=0",
-                           "--out", raw, "--truth-rate", "1000"}),
+                           "--output", raw, "--truth-rate", "1000"}),
               IsOk());
   ASSERT_OK_AND_ASSIGN(const EventFileInfo info, ReadEventFileInfo(raw, std::nullopt, {}));
   EXPECT_EQ(info.faults, EventFaults{});
@@ -110,11 +110,11 @@ TEST(SimulateCommand, RefusesWhatItCannotWrite) {
   const testing::TemporaryDirectory folder;
   const std::string raw = (folder.path() / "left.raw").string();
   EXPECT_THAT(
-      RunSimulate({"sim:camera=1;cameras=4", "--out", raw}),
+      RunSimulate({"sim:camera=1;cameras=4", "--output", raw}),
       StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("not a simulated event camera")));
-  EXPECT_THAT(RunSimulate({"sim:camera=1;cameras=4;events=1", "--out", raw + ".h5"}),
+  EXPECT_THAT(RunSimulate({"sim:camera=1;cameras=4;events=1", "--output", raw + ".h5"}),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(".raw")));
-  EXPECT_FALSE(RunSimulate({"sim:camera=1;cameras=4;events=1;duration=0.1", "--out",
+  EXPECT_FALSE(RunSimulate({"sim:camera=1;cameras=4;events=1;duration=0.1", "--output",
                             (folder.path() / "no" / "left.raw").string()})
                    .ok());
 }

@@ -71,11 +71,8 @@ TEST_F(AgentStateTest, TakesAGivenIdFromThenOn) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("agent_id")));
 }
 
-TEST_F(AgentStateTest, MakesDifferentIdsForDifferentFolders) {
-  const TemporaryDirectory other;
-  const auto state = AgentState::Open(other.path(), "");
-  ASSERT_THAT(state, IsOk());
-  EXPECT_NE(OpenAndClose().agent_id, state->identity().agent_id);
+TEST_F(AgentStateTest, IsCalledAsItsHostWhereNothingElseIsSaid) {
+  EXPECT_EQ(OpenAndClose().agent_id, HostName().substr(0, 64));
 }
 
 TEST_F(AgentStateTest, DrawsAStreamEpochForEachStart) {

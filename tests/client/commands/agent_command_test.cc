@@ -58,7 +58,7 @@ class AgentPreviewCommand : public ::testing::Test {
 
 TEST_F(AgentPreviewCommand, WritesThePictureAndSaysWhatItShows) {
   const std::string file = Path("now.jpg");
-  const CommandOutcome outcome = Preview({"left", "--rig", "lab", "--out", file});
+  const CommandOutcome outcome = Preview({"left", "--rig", "lab", "--output", file});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(Content(file), fake_.preview.jpeg());
   EXPECT_EQ(fake_.asked_preview.camera(), "left");
@@ -68,7 +68,7 @@ TEST_F(AgentPreviewCommand, WritesThePictureAndSaysWhatItShows) {
 }
 
 TEST_F(AgentPreviewCommand, JsonHasEverythingButThePicture) {
-  const CommandOutcome outcome = Preview({"left", "--out", Path("a.jpg"), "-o", "json"});
+  const CommandOutcome outcome = Preview({"left", "--output", Path("a.jpg"), "-o", "json"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const json meta = json::parse(outcome.out);
   EXPECT_EQ(meta.at("info").at("outcome"), "DETECTION_OUTCOME_TOO_MANY_BLOBS");
@@ -87,7 +87,7 @@ TEST_F(AgentPreviewCommand, IsNamedAfterTheCamera) {
 
 TEST_F(AgentPreviewCommand, ARefusalWritesNothing) {
   fake_.failures["GetPreview"] = {grpc::StatusCode::NOT_FOUND, "no agent has a camera 'top'"};
-  const CommandOutcome outcome = Preview({"top", "--out", Path("top.jpg")});
+  const CommandOutcome outcome = Preview({"top", "--output", Path("top.jpg")});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.out, IsEmpty());
   EXPECT_THAT(outcome.err, HasSubstr("no agent has a camera 'top'"));
@@ -96,15 +96,15 @@ TEST_F(AgentPreviewCommand, ARefusalWritesNothing) {
 
 TEST_F(AgentPreviewCommand, SaysWhenTheServerIsTooOld) {
   fake_.failures["GetPreview"] = {grpc::StatusCode::UNIMPLEMENTED, ""};
-  const CommandOutcome outcome = Preview({"left", "--out", Path("a.jpg")});
+  const CommandOutcome outcome = Preview({"left", "--output", Path("a.jpg")});
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.err, HasSubstr("rigcal doctor compares the versions"));
 }
 
 TEST_F(AgentPreviewCommand, SaysWhyTheFileCannotBeWritten) {
-  const CommandOutcome outcome = Preview({"left", "--out", Path("nowhere/a.jpg")});
+  const CommandOutcome outcome = Preview({"left", "--output", Path("nowhere/a.jpg")});
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.err, AllOf(HasSubstr("nowhere/a.jpg"), HasSubstr("--out")));
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("nowhere/a.jpg"), HasSubstr("--output")));
   EXPECT_THAT(outcome.out, IsEmpty());
 }
 

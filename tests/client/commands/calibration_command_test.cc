@@ -93,7 +93,9 @@ TEST_F(CalibrationCommand, CalibrateWaitsForTheResult) {
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(asked, 3);
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("succeeded"), HasSubstr("instants used")));
-  EXPECT_THAT(outcome.err, IsEmpty());
+  // What a person does next.
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("rigcal rig activate cal-new"),
+                                 HasSubstr("rigcal calibration export cal-new")));
 }
 
 TEST_F(CalibrationCommand, CalibrateFollowsTheStreamOfTheServer) {
@@ -185,10 +187,10 @@ TEST_F(CalibrationCommand, ListSendsFilterAndOrder) {
 
 TEST_F(CalibrationCommand, DeleteRemovesOne) {
   fake_.calibrations["cal-1"] = FullCalibration("cal-1");
-  const CommandOutcome deleted = Rigcal({"calibration", "delete", "cal-1"});
+  const CommandOutcome deleted = Rigcal({"calibration", "delete", "cal-1", "--yes"});
   EXPECT_EQ(deleted.exit_code, 0) << deleted.err;
   EXPECT_EQ(deleted.out, "calibration cal-1 is deleted\n");
-  const CommandOutcome again = Rigcal({"calibration", "delete", "cal-1"});
+  const CommandOutcome again = Rigcal({"calibration", "delete", "cal-1", "--yes"});
   EXPECT_EQ(again.exit_code, 1);
   EXPECT_THAT(again.err, HasSubstr("cal-1"));
 }

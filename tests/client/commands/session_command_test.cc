@@ -26,9 +26,9 @@ using ::testing::IsEmpty;
 
 class SessionCommand : public ::testing::Test {
  protected:
-  CommandOutcome Rigcal(std::vector<std::string> arguments) const {
+  CommandOutcome Rigcal(std::vector<std::string> arguments, std::istream* in = nullptr) const {
     arguments.insert(arguments.end(), {"--server", fake_.address()});
-    return rigcal::testing::Rigcal(arguments);
+    return rigcal::testing::Rigcal(arguments, in);
   }
 
   FakeServer fake_;
@@ -187,11 +187,29 @@ TEST_F(SessionCommand, StopWithoutWaitReturnsAtOnce) {
 
 TEST_F(SessionCommand, DeleteSaysWhatItDid) {
   fake_.sessions["wave"] = FullSession("wave");
-  EXPECT_THAT(Rigcal({"session", "delete", "wave"}).out, HasSubstr("wave"));
+  EXPECT_THAT(Rigcal({"session", "delete", "wave", "--yes"}).out, HasSubstr("wave"));
   EXPECT_TRUE(fake_.sessions.empty());
-  EXPECT_EQ(Rigcal({"session", "delete", "wave"}).exit_code, 1);
+  EXPECT_EQ(Rigcal({"session", "delete", "wave", "--yes"}).exit_code, 1);
   fake_.sessions["wave"] = FullSession("wave");
-  EXPECT_EQ(json::parse(Rigcal({"session", "delete", "wave", "-o", "json"}).out), json::object());
+  EXPECT_EQ(json::parse(Rigcal({"session", "delete", "wave", "--yes", "-o", "json"}).out),
+            json::object());
+}
+
+TEST_F(SessionCommand, DeleteAsksOrNeedsYes) {
+  fake_.sessions["wave"] = FullSession("wave");
+  const CommandOutcome unasked = Rigcal({"session", "delete", "wave"});
+  EXPECT_EQ(unasked.exit_code, 2);
+  EXPECT_THAT(unasked.err, HasSubstr("--yes"));
+  for (const char* answer : {"n\n", "\n", "", "yep\n"}) {
+    std::istringstream in(answer);
+    const CommandOutcome refused = Rigcal({"session", "delete", "wave"}, &in);
+    EXPECT_EQ(refused.exit_code, 1) << answer;
+    EXPECT_THAT(refused.err, AllOf(HasSubstr("delete session wave with"), HasSubstr("nothing")));
+  }
+  EXPECT_EQ(fake_.sessions.size(), 1u);
+  std::istringstream in("y\n");
+  EXPECT_EQ(Rigcal({"session", "delete", "wave"}, &in).exit_code, 0);
+  EXPECT_TRUE(fake_.sessions.empty());
 }
 
 v1::Session At(v1::Session::State state, uint32_t observation_count) {

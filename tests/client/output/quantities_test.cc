@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/output/quantities.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <limits>
 #include <numbers>
+
+#include "absl/time/time.h"
 
 namespace rigcal::client::quantities_test {
 namespace {
@@ -35,6 +38,16 @@ TEST(FormatBytes, PicksAUnit) {
 }
 
 TEST(FormatTime, SaysWhatIsNotSet) { EXPECT_EQ(FormatTime(false, {}), "-"); }
+
+TEST(FormatTime, NamesItsZone) {
+  google::protobuf::Timestamp time;
+  time.set_seconds(1'700'000'000);
+  const absl::TimeZone zone = absl::LocalTimeZone();
+  EXPECT_EQ(FormatTime(true, time),
+            absl::FormatTime("%Y-%m-%d %H:%M:%S %Z", absl::FromUnixSeconds(time.seconds()), zone));
+  EXPECT_THAT(FormatTime(true, time),
+              ::testing::EndsWith(zone.At(absl::FromUnixSeconds(time.seconds())).zone_abbr));
+}
 
 }  // namespace
 }  // namespace rigcal::client::quantities_test

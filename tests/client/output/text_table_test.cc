@@ -67,5 +67,35 @@ TEST(TextTable, CountsCodePointsNotBytes) {
   EXPECT_EQ(table.Format(), "a       b\nGröße   x\nGrosse  y\n");
 }
 
+TEST(TextTable, FitsByBreakingWordsOnly) {
+  TextTable table;
+  table.Words({"finding"}).Numbers({"value"}).Words({"advice"});
+  table.AddRow({"clock_offset", "-8.046", "its rows show the wand earlier than its stamps say"});
+  table.AddRow({"b", "1", "none"});
+  TextTable::FitTo(44);
+  const std::string narrow = table.Format();
+  TextTable::FitTo(0);
+  EXPECT_EQ(narrow,
+            "finding        value  advice\n"
+            "clock_offset  -8.046  its rows show the wand\n"
+            "                      earlier than its\n"
+            "                      stamps say\n"
+            "b                  1  none\n");
+  EXPECT_EQ(std::string(table.Format()).find("wand\n"), std::string::npos);
+}
+
+TEST(TextTable, AWordThatIsTooLongIsBrokenAndNumbersAreNot) {
+  TextTable table;
+  table.Words({"file"}).Numbers({"bytes"});
+  table.AddRow({"abcdefghijklmnop", "123456789012"});
+  TextTable::FitTo(20);
+  const std::string narrow = table.Format();
+  TextTable::FitTo(0);
+  EXPECT_EQ(narrow,
+            "file               bytes\n"
+            "abcdefghij  123456789012\n"
+            "klmnop\n");
+}
+
 }  // namespace
 }  // namespace rigcal::client::text_table_test

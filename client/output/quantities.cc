@@ -12,6 +12,12 @@
 #include "absl/time/time.h"
 
 namespace rigcal::client {
+namespace {
+
+// Of the wand's length: 0.2 mm of 0.39 m. A tape measure is good to a millimetre.
+constexpr double kScaleWorthMeasuring = 5e-4;
+
+}  // namespace
 
 std::string FormatFixed(double value, int digits) {
   std::string text = absl::StrFormat("%.*f", digits, value);
@@ -56,8 +62,11 @@ std::string EnumWord(const google::protobuf::EnumDescriptor& type, int value) {
 double DegreesFromRadians(double radians) { return radians * 180 / std::numbers::pi; }
 
 std::string FormatPointError(double point_error_m, double scale_sigma_rel) {
+  const double mm = 1000 * point_error_m;
+  // Three digits that say something, as on the page.
+  const int digits = mm < 0.0995 ? 3 : mm < 9.95 ? 2 : mm < 99.5 ? 1 : 0;
   return absl::StrCat(
-      FormatFixed(1000 * point_error_m, 2), " mm",
+      FormatFixed(mm, digits), " mm",
       scale_sigma_rel > 0
           ? absl::StrCat(" + ", FormatFixed(100 * scale_sigma_rel, 2), " % of every length")
           : "");

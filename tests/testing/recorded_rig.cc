@@ -5,7 +5,7 @@
 #include <iomanip>
 #include <stdexcept>
 
-#include "common/import/intrinsics_file.h"
+#include "common/camera/camera_export.h"
 #include "common/simulation/world/simulated_world.h"
 
 namespace rigcal::testing {

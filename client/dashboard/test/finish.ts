@@ -3,13 +3,14 @@
 // in the distance mode; set the floor, and download undistorted cameras, on the page of the result.
 // RIGCAL_PROGRAMS: folder of the programs. RIGCAL_SHOTS: folder for a picture of each page; unset: none.
 import assert from 'node:assert/strict';
-import { type ChildProcess, spawn } from 'node:child_process';
+import { type ChildProcess, execFileSync, spawn } from 'node:child_process';
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import type { Browser } from 'playwright-core';
 import { startChromium } from './chromium';
+import { millimetres } from '../src/view/format';
 import { checkPage, sizes, watchFaults } from './page_checks';
 import { radiusM, writeRecordedRig } from './recorded_rig';
 
@@ -91,6 +92,18 @@ for (const size of sizes) {
     await page.getByText(/Active since/).waitFor();
     await page.getByRole('link', { name: 'Floor, downloads' }).click();
     await page.getByRole('heading', { name: /c-000001, version 1 of rig/ }).waitFor();
+
+    // One figure, in the same words, on the page, in the API and on the command line.
+    const solved = (await page.evaluate(async () => (await fetch('/v1/calibrations/c-000001')).json() as Promise<unknown>)) as
+      { calibration: { headline: { point_error_m: number; used_mean_px: number }; target: { scale_sigma_rel: number } } };
+    const { headline, target } = solved.calibration;
+    const error = `${millimetres(1e3 * headline.point_error_m)} mm`;
+    const scale = `+ ${(100 * target.scale_sigma_rel).toFixed(2)} % of every length`;
+    const shown = (await page.locator('.panel.summary').innerText()).replaceAll(/\s+/g, ' ');
+    for (const words of [`expected error ${error}`, scale, `${headline.used_mean_px.toFixed(3)} px`]) assert.ok(shown.includes(words), `${words} in ${shown}`);
+    const printed = execFileSync(join(programs, 'rigcal'), ['--server', `127.0.0.1:${port}`, 'calibration', 'get', 'c-000001'], { encoding: 'utf8' })
+      .replaceAll(/\s+/g, ' ');
+    for (const words of [`expected error ${error} ${scale}`, `${headline.used_mean_px.toFixed(3)} px`]) assert.ok(printed.includes(words), `${words} in ${printed}`);
 
     const frame = page.locator('.panel.frame');
     assert.equal(await frame.getByLabel('Height of the marker centres').inputValue(), String(radiusM));

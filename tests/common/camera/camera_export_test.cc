@@ -29,7 +29,8 @@ CameraExport Example(DistortionModel model) {
   for (int i = 0; i < CoefficientCount(model); ++i) {
     camera.intrinsics.distortion.push_back((i % 2 == 0 ? -0.1 : 1e-7) / (i + 3));
   }
-  camera.cam_from_rig = {Eigen::Quaterniond(0.5, -0.5, 0.5, 0.5), {1.25, -0.1, 1.0 / 7}};
+  camera.cam_from_rig =
+      RigidTransform(Eigen::Quaterniond(0.5, -0.5, 0.5, 0.5), {1.25, -0.1, 1.0 / 7});
   camera.reprojection_error_px = 0.1 + 0.2;
   return camera;
 }
@@ -70,7 +71,7 @@ TEST(WriteCameraExport, IsWhatOpenCvReads) {
   ASSERT_EQ(distortion.size(), cv::Size(5, 1));
   ASSERT_EQ(extrinsics.size(), cv::Size(4, 4));
   ASSERT_EQ(extrinsics.type(), CV_64F);
-  const Eigen::Matrix4d expected = camera.cam_from_rig.Matrix();
+  const Eigen::Matrix4d expected = camera.cam_from_rig->Matrix();
   for (int row = 0; row < 4; ++row) {
     for (int col = 0; col < 4; ++col) {
       EXPECT_EQ(extrinsics.at<double>(row, col), expected(row, col)) << row << " " << col;
@@ -110,7 +111,7 @@ TEST(WriteCameraExport, LeavesTheOldFileWhenTheValuesAreBad) {
   const TemporaryDirectory folder;
   const std::filesystem::path path = folder.WriteFile("camera.yaml", "old");
   CameraExport camera = Example(DistortionModel::kBrownConrady);
-  camera.cam_from_rig.translation_m.x() = std::numeric_limits<double>::quiet_NaN();
+  camera.cam_from_rig->translation_m.x() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THAT(WriteCameraExport(path, camera),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("camera.yaml"), HasSubstr("frame_1"))));

@@ -8,7 +8,7 @@ import { SceneView } from '../scene/scene_view';
 import { Chip, Fact, type Mark, Meter, Panel, Problem, WorkButton } from '../shell/parts';
 import { hashOf, type Route } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
-import { count, dateTime, enumWords, fixed, inMs, millimetres, missing, percent, span } from '../view/format';
+import { count, dateTime, enumWords, fixed, inMs, millimetres, missing, percent, scaleText, span } from '../view/format';
 import { modelOfCalibration } from '../view/rig_model';
 import { otherTargetText } from '../view/target_text';
 import { Activate, ActiveHistory } from './activate';
@@ -90,6 +90,8 @@ function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
   const [mark, words] = gradeOf(calibration);
   const goal = useLoaded(`goal of ${id}`, (signal) => goalOf(calibration, signal));
   const shape = accuracy.value?.shape;
+  // Calibrations of older releases have no headline.
+  const errorM = calibration.headline?.point_error_m ?? accuracy.value?.calibration_p95_m ?? 0;
   const unit = calibration.scale_known ? 'mm' : 'of an unknown scale';
   return <>
     <Panel name="summary" title={`${id}, version ${calibration.version ?? 0} of ${calibration.rig ?? ''}`}
@@ -97,12 +99,17 @@ function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
       {(calibration.quality?.reasons ?? []).length > 0 && <ul class={`reasons ${mark}`}>{calibration.quality?.reasons?.map((reason) => <li key={reason}>{reason}</li>)}</ul>}
       {!calibration.scale_known && <p class="why">The scale is not known: lengths are in units of the distance between {calibration.reference_camera} and {calibration.unit_camera}.</p>}
       <dl class="facts">
-        <Fact name="expected error" title="Of the calibration alone: smaller than this in 95 % of the waved volume, with a probability of 95 %; after the best alignment and at the right scale. The figure of the Wave page.">
-          {accuracy.value?.calibration_p95_m ? `${millimetres(accuracy.value.calibration_p95_m * 1e3)} mm` : missing}</Fact>
-        <Fact name="a point in the rig's frame, 1σ" title="With the noise of the centres, relative to the reference camera, without the uncertainty of the scale; in 95 % of the waved volume">
+        <Fact name="expected error" title="Of a point by the calibration alone, after the best alignment and at the right scale: this or less in 95 % of the waved places. The figure of the Wave page. The scale comes on top.">
+          {errorM > 0 ? `${millimetres(errorM * 1e3)} mm` : missing}</Fact>
+        <Fact name="scale" title="On top of the expected error: the scale is as good as the wand was measured">
+          {scaleText(calibration.target?.scale_sigma_rel)}</Fact>
+        <Fact name="reprojection error" title="Mean of the markers that were used">
+          {calibration.headline?.used_mean_px ? `${fixed(calibration.headline.used_mean_px, 3)} px` : missing}</Fact>
+        <Fact name="wand views not used">{calibration.headline ? percent(calibration.headline.unused_share ?? 0, 1) : missing}</Fact>
+      </dl>
+      <dl class="facts more">
+        <Fact name="one point with its noise, 1σ" title="What triangulate will state: with the noise of the centres, relative to the reference camera, without the uncertainty of the scale; in 95 % of the waved volume">
           {shape?.count ? `${millimetres((shape.p95_m ?? 0) * 1e3)} mm` : missing}</Fact>
-        <Fact name="worst place, 1σ">{shape?.count ? `${millimetres((shape.worst_m ?? 0) * 1e3)} mm` : missing}</Fact>
-        <Fact name="scale, one sigma">{calibration.target?.scale_sigma_rel ? percent(calibration.target.scale_sigma_rel, 3) : missing}</Fact>
         <Fact name="length error RMS">{calibration.target?.length_error_rms_m ? `${millimetres(calibration.target.length_error_rms_m * 1e3)} ${unit}` : missing}</Fact>
         <Fact name="instants">{count(calibration.instant_count)}</Fact>
         <Fact name="cameras">{cameras.length}</Fact>

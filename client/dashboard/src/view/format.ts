@@ -87,3 +87,8 @@ export function enumWords(value: string | number | undefined, prefix: string): s
   if (typeof value === 'number') return `unknown kind ${value}`;
   return (value.startsWith(prefix) ? value.slice(prefix.length) : value).toLowerCase().replaceAll('_', ' ');
 }
+
+/** The scale's part of every length, on top of an expected error. */
+export function scaleText(sigmaRel: number | undefined): string {
+  return sigmaRel ? `+ ${(100 * sigmaRel).toFixed(2)} % of every length` : missing;
+}

@@ -9,7 +9,7 @@ import { hashOf } from '../shell/route';
 import { changeSettings, readSettings } from '../shell/settings';
 import { SceneView } from '../scene/scene_view';
 import { qualityRgb, rgbText } from '../view/colour_scale';
-import { fixed, millimetres, missing, span } from '../view/format';
+import { fixed, millimetres, missing, scaleText, span } from '../view/format';
 import { modelOfEstimate } from '../view/rig_model';
 import { Alerts, PairNeeds } from './alerts';
 import { CameraTile } from './camera_tile';
@@ -61,8 +61,8 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
       {volume && estimate && !estimate.scale_known && <p class="why">The scale is not known: there is no error in millimetres.</p>}
       <FigureCurve history={estimate?.history ?? noHistory} goalMm={progress.goalMm} theme={theme} />
       <dl class="facts">
-        <div class="fact" title="One sigma; the large figure is a bound that holds in 95 % of the places"><dt>median, 1σ</dt><dd>{stale || !volume ? missing : `${millimetres(volume.median_mm)} mm`}</dd></div>
-        <div class="fact" title="One sigma"><dt>worst place, 1σ</dt><dd>{stale || !volume ? missing : `${millimetres(volume.worst_mm)} mm`}</dd></div>
+        <div class="fact" title="On top of the expected error: the scale is as good as the wand was measured"><dt>scale</dt>
+          <dd>{stale || !volume ? missing : scaleText(volume.scale_sigma_rel)}</dd></div>
         <div class="fact" title="Reprojection error on data that the estimate did not use, and what it would be if the estimate were right">
           <dt>held-out check</dt><dd>{!estimate?.held_out || stale ? missing
             : `${estimate.held_out.agrees ? '✓' : '▲'} ${fixed(estimate.held_out.rms_px ?? 0, 2)} of ${fixed(estimate.held_out.expected_rms_px ?? 0, 2)} px`}</dd></div>

@@ -68,6 +68,11 @@ std::string UnknownOption(const std::vector<const CLI::App*>& typed, const std::
   // Options of the program stand in front of a command.
   for (const CLI::App* const app : typed) {
     const std::vector<std::string> more = OptionNames(*app);
+    if (std::ranges::find(more, name) != more.end()) {
+      return absl::StrCat(
+          name, " is an option of ", FullName(*app),
+          app == typed.back() ? "" : ": write it in front of the command, or leave it out");
+    }
     known.insert(known.end(), more.begin(), more.end());
   }
   const std::string nearest = NearestName(name, known);

@@ -28,6 +28,7 @@
 #include "server/solve/headline.h"
 #include "server/solve/input_checks.h"
 #include "server/solve/kept_frame.h"
+#include "server/solve/misfit_causes.h"
 #include "server/solve/solve_and_report.h"
 #include "server/solve/spoiling_camera.h"
 #include "server/solve/unused_views.h"
@@ -236,6 +237,15 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     return Finish(rig, options, input.parent, &*solved);
   } else {
     odd = SpoilingCamera(solved, rig, clocks, solve);
+    // It agrees with nobody because it has nothing to agree on: the error says for whom to wave.
+    if (!solved.ok() && odd.kind == FindingKind::kInconsistentCamera &&
+        SeesTheWandAlone(rig, odd.camera)) {
+      odd = {};
+    }
+  }
+  const std::string spans = SpanContradiction(rig);
+  if (odd.kind == FindingKind::kInconsistentCamera && !spans.empty()) {
+    odd.advice = absl::StrCat(spans, "; ", odd.advice);
   }
   if (odd.kind != FindingKind::kUnspecified) {
     absl::StatusOr<Solved> rest = absl::UnknownError("not solved");
@@ -250,6 +260,10 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
           absl::StrCat("camera ", odd.camera, ": ", odd.advice, ". (",
                        std::string(solved.status().message()), ")"));
     }
+  }
+  if (absl::IsFailedPrecondition(solved.status()) && !spans.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(spans, ". (", std::string(solved.status().message()), ")"));
   }
   RIGCAL_RETURN_IF_ERROR(solved.status());
   AddFindings(of_stamps, &*solved);

@@ -123,10 +123,20 @@ double Significance(const TrialSigmas& sigmas, int camera, const IntrinsicsVecto
 
 std::string Changes(const BundleCamera& camera) {
   const IntrinsicsVector &given = camera.intrinsics_mean, &found = camera.intrinsics;
+  // Images that were made smaller or larger: everything is times the same factor.
+  std::string scaled;
+  for (const double factor : {0.25, 0.5, 2.0, 4.0}) {
+    const auto fits = [&](int i) { return std::abs(found[i] / (factor * given[i]) - 1) < 0.08; };
+    if (fits(0) && fits(1) && fits(2) && fits(3)) {
+      scaled = absl::StrFormat(
+          ", as if its images were %.3g times as large as those of its lens file: binning?",
+          factor);
+    }
+  }
   return absl::StrFormat(
-      "focal lengths %+.2f %% and %+.2f %%, centre (%+.1f, %+.1f) px against the given ones",
+      "focal lengths %+.2f %% and %+.2f %%, centre (%+.1f, %+.1f) px against the given ones%s",
       100 * (found[0] / given[0] - 1), 100 * (found[1] / given[1] - 1), found[2] - given[2],
-      found[3] - given[3]);
+      found[3] - given[3], scaled);
 }
 
 void Free(const CauseInput& input, size_t camera, BundleProblem* problem) {

@@ -33,7 +33,7 @@ Outcome Parse(const std::vector<std::string>& arguments) {
   CLI::App* const files = app.add_subcommand("export");
   files->add_option("ID", id)->required();
   files->add_option("-o,--output", output);
-  AddFormerOption(files, "--output", "--output DIR");
+  AddFormerOption(files, "--out", "--output DIR");
   AddVersionFlags(app, "1.2.3");
   std::ostringstream out;
   Outcome outcome{.task = ParseCommandLine(app, arguments, out), .out = {}};
@@ -75,11 +75,13 @@ TEST(CommandLine, WhatWasProbablyMeantIsNamed) {
       {{"session", "export"}, "did you mean 'prog export'?"},
       {{"session", "create", "-target", "x"}, "it is --target"},
       {{"export", "a", "-output", "x"}, "it is --output"},
+      {{"session", "list", "--log-level", "x"},
+       "--log-level is an option of prog: write it in front"},
       {{"session"}, "list, create"},
       {{"frobnicate"}, "session, export"},
       {{"export", "a", "b"}, "'b' is one argument too many"},
-      {{"export", "a", "--output", "x"}, "it is --output DIR now"},
-      {{"export", "a", "--output"}, "it is --output DIR now"},
+      {{"export", "a", "--out", "x"}, "it is --output DIR now"},
+      {{"export", "a", "--out"}, "it is --output DIR now"},
   };
   for (const Case& each : cases) {
     const Outcome outcome = Parse(each.arguments);

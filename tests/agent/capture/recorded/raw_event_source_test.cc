@@ -146,8 +146,8 @@ TEST_F(RawEventSourceTest, TellsHowCsvIsToBeRead) {
   EXPECT_THAT(no_geometry->Create(),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("left.raw"), HasSubstr(";geometry=WxH"))));
-  EXPECT_THAT(ParseSourceSpec(text + ";time=ms"),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("auto, s, us or ns")));
+  EXPECT_THAT(ParseSourceSpec(text + ";time=minutes"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("auto, s, ms, us or ns")));
   EXPECT_THAT(ParseSourceSpec(text + ";columns=xyp"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("txyp")));
 }

@@ -365,7 +365,8 @@ std::string FormatHeadlineFigures(const v1::Calibration& calibration) {
         target.scale_sigma_rel(), count > 0 ? target.marker_positions_m(count - 1) : 0);
     absl::StrAppend(&text, "expected error     ",
                     FormatPointError(headline.point_error_m(), target.scale_sigma_rel()),
-                    " (95 % of the waved places", advice.empty() ? "" : "; ", advice, ")\n");
+                    ", in 95 % of the waved places\n",
+                    advice.empty() ? "" : absl::StrCat("                   ", advice, "\n"));
   }
   absl::StrAppend(&text, "reprojection error ", FormatFixed(headline.used_mean_px(), 3),
                   " px, mean of the markers used; ", FormatFixed(100 * headline.unused_share(), 1),

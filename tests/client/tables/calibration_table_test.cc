@@ -21,11 +21,25 @@ using ::testing::Not;
 
 TEST(FormatCalibration, ShowsResidualsOfEachCamera) {
   const std::string text = FormatCalibration(FullCalibration());
-  EXPECT_THAT(text, ContainsRegex("camera +observations +markers +outliers +mean +rms +median +p95"
-                                  " +mean +rms\n"));
-  EXPECT_THAT(text, ContainsRegex("left +600 +1800 +12 +0.500 +0.750 +0.250 +1.500 "
-                                  "+0.250 +0.375\n"));
-  EXPECT_THAT(text, HasSubstr("reprojection error (px)"));
+  EXPECT_THAT(text, ContainsRegex("camera +observations +markers +outliers +mean +rms +mean +rms"
+                                  " +median +p95\n"));
+  EXPECT_THAT(text, ContainsRegex("left +600 +1800 +12 +0.250 +0.375 +0.500 +0.750 "
+                                  "+0.250 +1.500\n"));
+  EXPECT_THAT(text, HasSubstr("of the markers used (px)"));
+}
+
+TEST(FormatCalibration, BeginsWithTheGradeAndTheHeadline) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.mutable_headline()->set_point_error_m(0.000294);
+  calibration.mutable_headline()->set_used_mean_px(0.331);
+  calibration.mutable_headline()->set_unused_share(0.012);
+  calibration.mutable_target()->set_scale_sigma_rel(0.0069);
+  const std::string text = FormatCalibration(calibration);
+  EXPECT_THAT(text, HasSubstr("expected error     0.29 mm + 0.69 % of every length"));
+  EXPECT_THAT(text, HasSubstr("measure the wand to 0.2 mm"));
+  EXPECT_THAT(text, HasSubstr("0.331 px, mean of the markers used; 1.2 % of the wand views"));
+  EXPECT_LT(text.find("Quality: usable"), text.find("expected error"));
+  EXPECT_LT(text.find("expected error"), text.find("Reprojection errors"));
 }
 
 TEST(FormatCalibration, ShowsWhereTheCamerasAre) {

@@ -41,6 +41,7 @@ v1::LiveState Wave() {
   estimate->set_state(v1::LiveEstimate::STATE_READY);
   estimate->set_scale_known(true);
   estimate->mutable_volume()->set_p95_mm(0.618);
+  estimate->mutable_volume()->set_scale_sigma_rel(0.0069);
   estimate->mutable_volume()->set_median_mm(0.3);
   estimate->mutable_volume()->set_worst_mm(1.2);
   estimate->add_advice()->set_text("low, between left and right, wand upright");
@@ -61,7 +62,7 @@ std::string Text(const v1::LiveState& live, const LiveScreenOptions& options) {
 TEST(LiveScreen, HasWhatMatters) {
   const std::string text = Text(Wave(), {.columns = 120, .rows = 40, .server = "127.0.0.1:7420"});
   EXPECT_THAT(text, HasSubstr("rig rig   session wave capturing, 31 s   127.0.0.1:7420"));
-  EXPECT_THAT(text, HasSubstr("0.62 mm   (median 0.30, worst 1.20)"));
+  EXPECT_THAT(text, HasSubstr("expected error  0.62 mm + 0.69 % of every length"));
   EXPECT_THAT(text, HasSubstr("goal 0.5 mm: goes on, the expected error is 0.62 mm"));
   EXPECT_THAT(text, HasSubstr("wave next: low, between left and right, wand upright"));
   EXPECT_THAT(text, HasSubstr("ERROR right has not seen the wand"));
@@ -109,8 +110,9 @@ TEST(LiveScreen, BearsAnEmptyState) {
 
 TEST(LiveLine, HasItAllInOneLine) {
   EXPECT_EQ(FormatLiveLine(Wave()),
-            "session wave capturing, 31 s; 0.62 mm (goal 0.5 mm: goes on, the expected error is "
-            "0.62 mm, the goal 0.5 mm); 2 of 2 cameras, 100 rows/s, 80 with wand; worst right (12 "
+            "session wave capturing, 31 s; 0.62 mm + 0.69 % of every length (goal 0.5 mm: goes on, "
+            "the expected error is 0.62 mm, the goal 0.5 mm); 2 of 2 cameras, 100 rows/s, 80 with "
+            "wand; worst right (12 "
             "shared, 62% covered); wave next: low, between left and right, wand upright; error "
             "no_wand right");
 }

@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "absl/status/status.h"
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/options/nearest_name.h"
@@ -171,7 +172,8 @@ absl::StatusOr<CommandLineTask> ParseCommandLine(CLI::App& app,
                                                  std::ostream& out) {
   std::string complaint;
   for (const std::string& argument : arguments) {
-    if (!IsUtf8(argument)) complaint = absl::StrCat("'", Shown(argument), "' is not UTF-8");
+    if (!IsUtf8(argument))
+      complaint = absl::StrCat("'", absl::CHexEscape(argument.substr(0, 100)), "' is not UTF-8");
   }
   if (complaint.empty()) {
     try {

@@ -165,7 +165,7 @@ TEST_F(CalibrationCommand, CalibrateNamesTheSessionThatDoesNotExist) {
 
 TEST_F(CalibrationCommand, GetAndListPrint) {
   fake_.calibrations["cal-1"] = FullCalibration("cal-1");
-  EXPECT_THAT(Rigcal({"calibration", "get", "cal-1"}).out, HasSubstr("reprojection error"));
+  EXPECT_THAT(Rigcal({"calibration", "get", "cal-1"}).out, HasSubstr("Reprojection errors"));
   EXPECT_EQ(json::parse(Rigcal({"calibration", "get", "cal-1", "-o", "json"}).out).at("id"),
             "cal-1");
   EXPECT_THAT(Rigcal({"calibration", "list"}).out, HasSubstr("\ncal-1 "));

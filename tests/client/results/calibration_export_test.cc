@@ -71,7 +71,7 @@ TEST(WriteExport, RoundTripsIntrinsicsPoseAndError) {
   }
   const std::string field = "\nreprojection_error: ";
   ASSERT_THAT(text, HasSubstr(field));
-  EXPECT_EQ(std::stod(text.substr(text.find(field) + field.size())), 0.5);
+  EXPECT_EQ(std::stod(text.substr(text.find(field) + field.size())), 0.25) << "of the markers used";
 }
 
 TEST(WriteExport, ReplacesWhatIsThere) {

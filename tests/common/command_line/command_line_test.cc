@@ -105,7 +105,7 @@ TEST(CommandLine, AFormerOptionIsNotInTheHelp) {
 }
 
 TEST(CommandLine, BytesThatAreNoTextAreShownEscaped) {
-  EXPECT_THAT(Parse({"export", "a\xff"}).error(), HasSubstr("'a\\xFF' is not UTF-8"));
+  EXPECT_THAT(Parse({"export", "a\xff"}).error(), HasSubstr("'a\\xff' is not UTF-8"));
 }
 
 }  // namespace

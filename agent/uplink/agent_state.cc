@@ -138,6 +138,22 @@ std::string HostName() {
   return name.empty() ? "host" : name;
 }
 
+// The host's; of an agent with a state directory of its own, beside others on the same host, with
+// the name of that.
+std::string NameFor(const std::filesystem::path& directory) {
+  const absl::StatusOr<std::filesystem::path> usual = AgentState::DefaultDirectory("");
+  std::error_code error;
+  const std::filesystem::path own = std::filesystem::absolute(directory, error).lexically_normal();
+  if (usual.ok() && own == std::filesystem::absolute(*usual, error).lexically_normal()) {
+    return HostName().substr(0, 64);
+  }
+  std::string folder = own.has_filename() ? own.filename() : own.parent_path().filename();
+  std::replace_if(
+      folder.begin(), folder.end(),
+      [](char c) { return !absl::ascii_isalnum(static_cast<unsigned char>(c)); }, '-');
+  return absl::StrCat(HostName().substr(0, 31), "-", folder.substr(0, 32));
+}
+
 absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directory,
                                             const std::string& agent_id) {
   if (!agent_id.empty()) RIGCAL_RETURN_IF_ERROR(ValidateName("agent_id", agent_id));
@@ -152,7 +168,7 @@ absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directo
   RIGCAL_ASSIGN_OR_RETURN(StoredState stored, Load(directory / kStateFile));
   AgentIdentity& identity = stored.identity;
   if (!agent_id.empty()) identity.agent_id = agent_id;
-  if (identity.agent_id.empty()) identity.agent_id = HostName().substr(0, 64);
+  if (identity.agent_id.empty()) identity.agent_id = NameFor(directory);
   RIGCAL_ASSIGN_OR_RETURN(identity.secret, LoadOrMakeSecret(directory));
   ++identity.incarnation;
   identity.stream_epoch = NewStreamEpoch(stored.stream_epochs);

@@ -72,7 +72,8 @@ TEST_F(AgentStateTest, TakesAGivenIdFromThenOn) {
 }
 
 TEST_F(AgentStateTest, IsCalledAsItsHostWhereNothingElseIsSaid) {
-  EXPECT_EQ(OpenAndClose().agent_id, HostName().substr(0, 31) + "-state") << "beside others on this host";
+  EXPECT_EQ(OpenAndClose().agent_id, HostName().substr(0, 31) + "-state")
+      << "beside others on this host";
 }
 
 TEST_F(AgentStateTest, DrawsAStreamEpochForEachStart) {

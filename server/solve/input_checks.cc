@@ -161,8 +161,10 @@ absl::Status CheckReadRows(const std::map<std::string, CameraCounts>& counts,
     const uint32_t read = known == counts.end() ? 0 : known->second.observation_count;
     if (count <= read || known == counts.end()) continue;
     const bool is_source = most->reason == RefusalReason::kSourceFailed;
-    faults.push_back(is_source
-                         ? most->example
+    const bool is_empty = most->reason == RefusalReason::kCsvEmpty;
+    faults.push_back(is_source ? most->example
+                     : is_empty
+                         ? absl::StrCat("camera ", camera, ": ", most->example)
                          : absl::StrCat("camera ", camera, ": ", count, " of its ", count + read,
                                         " rows cannot be read: ", most->example));
   }

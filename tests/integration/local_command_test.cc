@@ -141,7 +141,7 @@ TEST_F(LocalCommandFiles, TableShowsEveryCamera) {
 
 TEST_F(LocalCommandFiles, DamagedLinesAreCountedAndNamed) {
   std::string text = ReadFile("sim_1.csv");
-  WriteFile("sim_1.csv", "1;2;3\nhello;1;2;3;4;5;6\n2000;nan;2;3;4;5;6\n" + text);
+  WriteFile("sim_1.csv", "1;2;3\nhello;1;2;3;4;5;6\n2000;inf;2;3;4;5;6\n" + text);
   const CommandResult result = Local();
   ASSERT_EQ(result.exit_code, 0) << result.error;
   const json calibration = json::parse(result.output);
@@ -178,7 +178,7 @@ TEST_F(LocalCommandFiles, EmptyFileIsNamedWithItsCamera) {
   WriteFile("sim_2.csv", "");
   const CommandResult result = Local();
   EXPECT_EQ(result.exit_code, 1);
-  EXPECT_THAT(result.error, AllOf(HasSubstr("sim_2"), HasSubstr("never saw the wand")));
+  EXPECT_THAT(result.error, AllOf(HasSubstr("sim_2.csv"), HasSubstr("the file holds no line")));
   const json calibration = json::parse(result.output);
   EXPECT_EQ(calibration["state"], "STATE_FAILED");
   EXPECT_EQ(RefusedCount(calibration, "sim_2", "REFUSAL_REASON_CSV_EMPTY"), 1u);

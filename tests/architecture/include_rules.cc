@@ -168,7 +168,7 @@ const FolderGraph& AllowedFolders() {
        {"common/calibration", "common/camera", "common/origin", "common/scale", "common/statistics",
         "common/status", "common/target", "common/time", "common/triangulate", "server/associate",
         "server/solve/bundle", "server/solve/clocks", "server/solve/diagnose",
-        "server/solve/evaluate", "server/solve/rig"}},
+        "server/solve/evaluate", "server/solve/rig", "server/solve/running"}},
       {"server/solve/bundle", {"common/camera", "common/geometry", "common/status"}},
       {"server/solve/clocks",
        {"common/camera", "common/statistics", "common/status", "server/associate",

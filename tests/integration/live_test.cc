@@ -142,6 +142,8 @@ TEST_F(Live, WatchOnATerminal) {
   EXPECT_TRUE(shows("sim_3")) << shown;
   EXPECT_THAT(shown, HasSubstr("\x1b[?1049h"));
   ASSERT_EQ(write(terminal, "s", 1), 1);
+  EXPECT_TRUE(shows("y stops it")) << shown;
+  ASSERT_EQ(write(terminal, "y", 1), 1);
   EXPECT_TRUE(shows("session wave stopped at")) << shown;
   EXPECT_TRUE(WaitFor([&] {
     return ServerClient(server_->address()).GetSession("wave")->state() !=

@@ -251,7 +251,7 @@ TEST(ExportFormats, RefitALensWithinTheErrorThatIsTold) {
         worst_px = std::max(worst_px, (read.project(point.x_in_rig) - point.pixel).norm());
       }
       EXPECT_LE(worst_px, notes[0].error_px + 0.01);
-      EXPECT_GT(worst_px, 0.2 * notes[0].error_px);
+      EXPECT_GT(worst_px, 0.1 * notes[0].error_px);
     }
     // A little less than that is refused, with the figure.
     EXPECT_THAT((*FindCalibrationExportFormat(name))

@@ -186,7 +186,7 @@ TEST_F(ExportCalibration, UndistortedIsAPinholeThatEveryFormatHolds) {
     }
   }
   EXPECT_THAT(Export(id, "blender"),
-              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("distortion")));
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("--undistorted")));
   ASSERT_OK_AND_ASSIGN(const auto file, Export(id, "blender", true));
   EXPECT_EQ(file.file_name(), id + "-blender-undistorted.py");
   ASSERT_OK_AND_ASSIGN(const auto json, Export(id, "json", true));

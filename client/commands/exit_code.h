@@ -31,8 +31,7 @@ inline constexpr std::string_view kExitCodeHelp =
     "  5  not verified: observations damaged, missing or waiting (session verify)\n"
     "  6  server unreachable\n"
     "  7  a camera has moved, or it cannot be told (monitor)\n"
-    "  8  written, but not all of it: a camera was left out or may be misread (calibration "
-    "import)\n"
+    "  8  written in part: a camera was left out or is doubtful (import)\n"
     "Ended by a signal: 128 and its number, as the shell counts it.";
 
 // UNAVAILABLE and DEADLINE_EXCEEDED: the server did not answer. UNAUTHENTICATED and

@@ -31,8 +31,8 @@ class TextTable {
   void AddRow(const std::vector<Cell>& cells);
   bool empty() const { return lines_.size() == 1; }
 
-  // Tables get at most so many terminal columns from now on, by breaking the text of columns of
-  // words; 0, as at first: as many as they take. Before any thread is started.
+  // Limits the width of all tables to `columns` characters: text in columns of words is wrapped. 0,
+  // the default: no limit. Call it before any thread is started.
   static void FitTo(size_t columns);
 
   // Heads and rows, each line ended by a newline and without trailing spaces; `indent` spaces

@@ -56,8 +56,9 @@ void TellOfState(const absl::StatusOr<v1::Session>& before, v1::Session::State w
   const std::string& reason = before->stop_reason();
   context.console.Message(
       absl::StrCat("session ", before->id(),
-                   is_start ? " had been started already, at " : " had been stopped already, at ",
-                   since, is_start || reason.empty() ? "" : ": ", is_start ? "" : reason));
+                   is_start ? " had been started already" : " had been stopped already",
+                   since == "-" ? "" : absl::StrCat(", at ", since),
+                   is_start || reason.empty() ? "" : ": ", is_start ? "" : reason));
 }
 
 // For the whole of a long recording over a slow link.

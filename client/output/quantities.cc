@@ -74,8 +74,8 @@ std::string FormatPointError(double point_error_m, double scale_sigma_rel) {
 
 std::string FormatScaleAdvice(double scale_sigma_rel, double wand_length_m) {
   if (!(scale_sigma_rel > kScaleWorthMeasuring) || !(wand_length_m > 0)) return "";
-  return absl::StrCat("measure the wand to ",
-                      FormatFixed(1000 * kScaleWorthMeasuring * wand_length_m, 1),
+  const double mm = 1000 * kScaleWorthMeasuring * wand_length_m;
+  return absl::StrCat("measure the wand to ", FormatFixed(mm, mm < 0.1 ? 2 : 1),
                       " mm for a better scale");
 }
 

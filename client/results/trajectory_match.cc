@@ -21,6 +21,7 @@ constexpr double kFineStepS = 0.004;
 constexpr int kScanStep =
     5;  // fine steps: a fiftieth of a second, far less than a wave of the wand
 constexpr double kLastStepS = 1e-7;
+constexpr int kMostThirds = 48;       // (2/3)^48 of the first interval is 3e-9 of it
 constexpr double kNearS = 1;          // clocks that somebody has set
 constexpr double kClearlyBetter = 4;  // what is left of the motion, near against elsewhere
 constexpr double kMostScanSteps = 2e6;
@@ -134,7 +135,8 @@ class OffsetSearch {
     // The cost has one minimum within a step; thirds of the interval (ternary search).
     const double best_s = static_cast<double>(best_step) * kFineStepS;
     double low = best_s - kFineStepS, high = best_s + kFineStepS;
-    while (high - low > kLastStepS) {
+    // Of large offsets doubles are further apart than kLastStepS.
+    for (int step = 0; step < kMostThirds && high - low > kLastStepS; ++step) {
       const double third = (high - low) / 3;
       if (CostAt(low + third) < CostAt(high - third)) {
         high -= third;

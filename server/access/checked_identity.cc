@@ -83,7 +83,7 @@ absl::Status CheckedIdentity::Publish(const std::array<std::string, 3>& texts) {
     return absl::FailedPreconditionError(
         absl::StrCat("cannot make the folder ", folder.string(), ": ", error.message()));
   }
-  fs::permissions(base, fs::perms::owner_all, error);
+  for (const fs::path& one : {base, folder}) fs::permissions(one, fs::perms::owner_all, error);
   for (size_t i = 0; i < kFiles.size(); ++i) {
     RIGCAL_RETURN_IF_ERROR(WriteDurableFile(folder / kFiles.at(i), texts.at(i)));
   }

@@ -113,7 +113,7 @@ TEST_F(SessionCommand, TellsWhoStopsSecond) {
     fake_.sessions["wave"] = session;
   }
   EXPECT_THAT(Rigcal({"session", "stop", "wave"}).err,
-              AllOf(HasSubstr("session wave had been stopped already, at "),
+              AllOf(HasSubstr("session wave had been stopped already: "),
                     HasSubstr("the expected error is 0.46 mm")));
 }
 

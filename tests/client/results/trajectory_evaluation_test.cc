@@ -113,6 +113,14 @@ TEST(EvaluateTrajectories, FindsNoErrorWhereOnlyTheEndsOverlap) {
   EXPECT_LT(result.total_rmse_m, 1e-4);
 }
 
+// Where two doubles are further apart than the offset is searched for.
+TEST(EvaluateTrajectories, FindsTheOffsetOfGroundTruthSince1970) {
+  ASSERT_OK_AND_ASSIGN(const TrajectoryEvaluation result,
+                       EvaluateTrajectories(Minute(), PartOfTruth(0.01, 6, 54, 1.7e9), {}));
+  EXPECT_NEAR(result.time_offset_s, 1.7e9, 1e-4);
+  EXPECT_LT(result.total_rmse_m, 1e-3);
+}
+
 TEST(EvaluateTrajectories, TakesOneLabelOfSeveral) {
   Trajectories truth = Truth();
   truth.erase("b");

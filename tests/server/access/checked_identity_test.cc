@@ -41,6 +41,9 @@ TEST_F(CheckedIdentity, CopiesWhatBelongsTogether) {
   struct stat status {};
   ASSERT_EQ(stat((identity->active() / "server.key").c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0600u);
+  // Else the next start warns of a folder that the server itself has opened.
+  ASSERT_EQ(stat(identity->active().c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0700u);
 }
 
 TEST_F(CheckedIdentity, NamesWhatIsWrongAtTheStart) {

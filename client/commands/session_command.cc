@@ -51,13 +51,13 @@ void TellOfState(const absl::StatusOr<v1::Session>& before, v1::Session::State w
   if (!before.ok() || before->state() < wanted) return;
   const bool is_start = wanted == v1::Session::STATE_CAPTURING;
   if (is_start && before->state() != wanted) return;  // an error, which the server explains
-  const std::string since = is_start ? FormatTime(before->has_start_time(), before->start_time())
-                                     : FormatTime(before->has_stop_time(), before->stop_time());
+  const bool has_time = is_start ? before->has_start_time() : before->has_stop_time();
+  const auto& time = is_start ? before->start_time() : before->stop_time();
   const std::string& reason = before->stop_reason();
   context.console.Message(
       absl::StrCat("session ", before->id(),
                    is_start ? " had been started already" : " had been stopped already",
-                   since == "-" ? "" : absl::StrCat(", at ", since),
+                   has_time ? absl::StrCat(", at ", FormatTime(true, time)) : "",
                    is_start || reason.empty() ? "" : ": ", is_start ? "" : reason));
 }
 

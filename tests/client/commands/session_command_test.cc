@@ -113,8 +113,14 @@ TEST_F(SessionCommand, TellsWhoStopsSecond) {
     fake_.sessions["wave"] = session;
   }
   EXPECT_THAT(Rigcal({"session", "stop", "wave"}).err,
-              AllOf(HasSubstr("session wave had been stopped already: "),
-                    HasSubstr("the expected error is 0.46 mm")));
+              HasSubstr("session wave had been stopped already: the expected error is 0.46 mm"));
+  {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.sessions["wave"].mutable_stop_time()->set_seconds(1'700'000'000);
+  }
+  EXPECT_THAT(Rigcal({"session", "stop", "wave"}).err,
+              AllOf(HasSubstr("session wave had been stopped already, at 2023-11-1"),
+                    HasSubstr(": the expected error is 0.46 mm")));
 }
 
 TEST_F(SessionCommand, CreateWithStartStarts) {

@@ -63,8 +63,9 @@ bool DeliveryPlan::Acknowledge(const BatchAck& ack) {
   progress.send_limit_seq = std::max(progress.send_limit_seq, ack.send_limit_seq);
   spool_->Acknowledge(ack.stream, durable_seq);
   if (ack.complete && spooled->end && progress.durable_seq >= spooled->end->last_seq) {
-    spdlog::info("camera {}: all {} observations of session {} are stored", ack.stream.camera,
-                 spooled->end->report.observation_count, ack.stream.session_id);
+    spdlog::info("camera {}: the server has everything of session {} up to observation {}{}",
+                 ack.stream.camera, ack.stream.session_id, spooled->end->last_seq,
+                 spooled->end_is_unknown ? "; whether that was the last one is not known" : "");
     Remember(ack.stream, spooled->end);
     spool_->Discard(ack.stream);
     progress_.erase(found);

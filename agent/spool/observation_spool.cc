@@ -9,7 +9,8 @@ SpoolReport SpoolReportOf(const SpooledStream& stream) {
   return {.last_seq = std::max(stream.synced_seq, stream.durable_seq),
           .acknowledged_seq = stream.durable_seq,
           .spooled_count = stream.row_count,
-          .dropped = ListOf(stream.dropped)};
+          .dropped = ListOf(stream.dropped),
+          .end_is_unknown = stream.end_is_unknown};
 }
 
 std::vector<Refusal> ListOf(const DropCounts& dropped) {

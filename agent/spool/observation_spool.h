@@ -34,6 +34,9 @@ struct SpooledStream {
   // has no relation to today's.
   bool is_of_other_boot = false;
   std::optional<EndOfCapture> end;  // once the capture has ended
+  // The capture was running when the agent ended, and nothing proves that `end` is where it was:
+  // more may have been detected.
+  bool end_is_unknown = false;
 };
 
 // What the server is told about it.

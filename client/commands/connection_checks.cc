@@ -210,6 +210,18 @@ Check CheckAgentIdentity(const IdentityFolder& folder) {
 
 }  // namespace
 
+std::optional<Check> CheckAgentPc(const std::string& address, const absl::Status& status) {
+  if (!absl::IsUnavailable(status) || !wire::IsOnThisMachine(address) ||
+      IdentityFolder::OfUser(UserConfigFolder()).Exists() || DefaultAgentIdentities().empty()) {
+    return std::nullopt;
+  }
+  return Check{CheckLevel::kWarn, "server",
+               absl::StrCat("none runs on this PC (", address,
+                            "), and this user has not joined one; the agents of this PC have: "
+                            "see identity below"),
+               absl::StrCat("to use rigcal here too: ", kJoinAgain)};
+}
+
 std::vector<Check> CheckIdentities() {
   std::vector<Check> checks;
   const IdentityFolder own = IdentityFolder::OfUser(UserConfigFolder());

@@ -101,8 +101,10 @@ ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context) {
   }
   ServerConnection server(context.server);
   const auto status = server.Call(&v1::StatusService::Stub::GetStatus, {});
-  std::vector<Check> checks = status.ok() ? CheckServer(server, *status)
-                                          : std::vector{CannotAsk("server", status.status())};
+  const std::optional<Check> agent_pc = CheckAgentPc(context.server, status.status());
+  std::vector<Check> checks =
+      status.ok() ? CheckServer(server, *status)
+                  : std::vector{agent_pc.value_or(CannotAsk("server", status.status()))};
   if (UsesTls(context.server)) AddConnectionChecks(context.server, &checks);
   for (Check& check : CheckIdentities()) checks.push_back(std::move(check));
   const bool ok = std::ranges::find(checks, CheckLevel::kFail, &Check::level) == checks.end();
@@ -111,7 +113,8 @@ ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context) {
   } else {
     PrintTable(checks, context.console.out);
   }
-  return !status.ok() ? ExitCodeOf(status.status()) : ok ? ExitCode::kOk : ExitCode::kFailed;
+  if (!status.ok() && !agent_pc) return ExitCodeOf(status.status());
+  return ok ? ExitCode::kOk : ExitCode::kFailed;
 }
 
 }  // namespace rigcal::client

@@ -50,6 +50,9 @@ ConnectionFacts GatherConnectionFacts(const std::string& address);
 // The identities that this user and his agents have on this PC: whether they can be used, and, of
 // an agent, whether its server takes it. Asks the servers.
 std::vector<Check> CheckIdentities();
+// A PC whose agents have joined a server, and whose user has not: that none answers at `address`,
+// on this PC, is no fault. Unset: another case.
+std::optional<Check> CheckAgentPc(const std::string& address, const absl::Status& status);
 
 // The checks, each for itself.
 Check ExplainConnection(const ConnectionFacts& facts);

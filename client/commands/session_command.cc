@@ -103,6 +103,38 @@ ExitCode ShowStarted(const absl::StatusOr<v1::Session>& session, CommandContext&
   return code;
 }
 
+absl::StatusOr<SessionVerification> Verify(ServerConnection& server, const std::string& id) {
+  v1::GetSessionRequest request;
+  request.set_id(id);
+  request.set_audit(true);
+  const auto response = server.Call(&SessionStub::GetSession, request, kAuditTimeout);
+  if (!response.ok()) return response.status();
+  // It only helps to say where something is.
+  const auto agents = ReadAllPages(server, &v1::AgentService::Stub::ListAgents, ListOptions{});
+  return VerifySession(*response, agents.ok() ? *agents : v1::ListAgentsResponse());
+}
+
+// Of a session that has finished: what is not on the server, and what a person does next.
+ExitCode ShowStopped(ServerConnection& server, const v1::Session& session,
+                     CommandContext& context) {
+  const auto verified = Verify(server, session.id());
+  if (!verified.ok()) return context.Fail(verified.status());
+  if (!verified->holds()) {
+    for (const VerificationProblem& problem : verified->problems) {
+      context.console.Message(
+          absl::StrCat("not verified: ", problem.text, "; ", problem.what_to_do));
+    }
+    context.console.Message(absl::StrCat("next: rigcal session verify ", session.id(),
+                                         ", or rigcal calibrate ", session.id(),
+                                         " --wait without what is missing"));
+    return ExitCode::kNotVerified;
+  }
+  if (context.console.format == OutputFormat::kTable) {
+    context.console.Message(absl::StrCat("next: rigcal calibrate ", session.id(), " --wait"));
+  }
+  return ExitCode::kOk;
+}
+
 ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest& request,
                         bool start, CommandContext& context) {
   absl::StatusOr<v1::Session> session =
@@ -163,8 +195,14 @@ ExitCode StopSession(const SessionStopOptions& options, CommandContext& context)
     if (session.ok()) WarnOfMissing(*session, context);
   }
   const ExitCode code = context.Show(session, FormatSession);
-  if (session.ok() && context.console.format == OutputFormat::kTable) {
-    context.console.Message(absl::StrCat("next: rigcal calibrate ", session->id(), " --wait"));
+  if (!session.ok()) return code;
+  if (session->state() == v1::Session::STATE_FINISHED) {
+    return ShowStopped(server, *session, context);
+  }
+  if (context.console.format == OutputFormat::kTable) {
+    context.console.Message(absl::StrCat("next: rigcal session watch ", session->id(),
+                                         ", and when it has finished rigcal calibrate ",
+                                         session->id(), " --wait"));
   }
   return code;
 }
@@ -181,19 +219,12 @@ ExitCode GetSession(const std::string& id, CommandContext& context) {
 
 ExitCode VerifySessionStreams(const std::string& id, CommandContext& context) {
   ServerConnection server(context.server);
-  v1::GetSessionRequest request;
-  request.set_id(id);
-  request.set_audit(true);
-  const auto response = server.Call(&SessionStub::GetSession, request, kAuditTimeout);
-  if (absl::IsDataLoss(response.status())) {
-    context.Fail(response.status());
-    return ExitCode::kNotVerified;
+  const auto verified = Verify(server, id);
+  if (!verified.ok()) {
+    const ExitCode code = context.Fail(verified.status());
+    return absl::IsDataLoss(verified.status()) ? ExitCode::kNotVerified : code;
   }
-  if (!response.ok()) return context.Fail(response.status());
-  // It only helps to say where something is.
-  const auto agents = ReadAllPages(server, &v1::AgentService::Stub::ListAgents, ListOptions{});
-  const SessionVerification verification =
-      VerifySession(*response, agents.ok() ? *agents : v1::ListAgentsResponse());
+  const SessionVerification& verification = *verified;
   if (context.console.format == OutputFormat::kJson) {
     context.console.out << VerificationJson(verification) << "\n" << std::flush;
   } else {

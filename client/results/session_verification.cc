@@ -58,7 +58,7 @@ std::string RowsText(const std::vector<VerifiedRows>& rows) {
 }
 
 std::string StateOf(const v1::StreamAudit& audit) {
-  if (audit.ended()) return "complete";
+  if (audit.ended()) return audit.reported().end_is_unknown() ? "end not known" : "complete";
   switch (audit.holder()) {
     case v1::StreamAudit::HOLDER_CONNECTED:
       return "with its agent";
@@ -168,6 +168,12 @@ class Verifier {
         "agent ", id,
         agent == nullptr || agent->host().empty() ? "" : absl::StrCat(" on ", agent->host()));
   }
+  // " (since 2026-01-31 23:59:59)"
+  std::string SinceText(const std::string& id) const {
+    const v1::Agent* const agent = FindAgent(id);
+    if (agent == nullptr || !agent->has_disconnect_time()) return "";
+    return absl::StrCat(" (since ", FormatTime(true, agent->disconnect_time()), ")");
+  }
   std::string SpoolText(const std::string& id) const {
     const v1::Agent* const agent = FindAgent(id);
     const bool is_known = agent != nullptr && agent->has_spool();
@@ -223,7 +229,11 @@ class Verifier {
     // Of deleted rows nothing can be said.
     if (session_.has_observations_delete_time()) return;
     if (stream.damaged > 0) AddDamage(audit, stream);
-    if (!audit.ended()) AddOpenEnd(audit, stream);
+    if (!audit.ended()) {
+      AddOpenEnd(audit, stream);
+    } else if (audit.reported().end_is_unknown()) {
+      AddUnknownEnd(audit, stream);
+    }
     if (stream.missing > 0) {
       VerificationProblem& problem =
           Add(stream, "missing", stream.missing, AbsentRows(audit, stream), "nowhere");
@@ -278,6 +288,18 @@ class Verifier {
     return rows;
   }
 
+  // All that its agent had was delivered, but the agent itself does not know whether it had all.
+  void AddUnknownEnd(const v1::StreamAudit& audit, const VerifiedStream& stream) {
+    const auto detected = static_cast<uint32_t>(stream.detected);
+    VerificationProblem& problem = Add(stream, "end_unknown", 0, {{detected + 1, 0}}, "nowhere");
+    absl::StrAppend(&problem.text, "what was detected after row ", detected,
+                    " is not known: ", AgentText(audit.agent_id()),
+                    " ended while it captured, by a power cut or with files of its spool damaged "
+                    "or gone, and nothing it found shows which row was the last");
+    problem.what_to_do =
+        "calibrate without it (the result says so), or record again where it is needed";
+  }
+
   // Nothing says yet which observation is the last one.
   void AddOpenEnd(const v1::StreamAudit& audit, const VerifiedStream& stream) {
     std::vector<VerifiedRows> rows = AbsentRows(audit, stream);
@@ -311,8 +333,8 @@ class Verifier {
       case v1::StreamAudit::HOLDER_AWAY: {
         VerificationProblem& problem =
             Add(stream, "away", stream.spooled, std::move(rows), SpoolText(agent));
-        absl::StrAppend(&problem.text, AgentText(agent),
-                        " is not connected and has not delivered it to its end: ", what(),
+        absl::StrAppend(&problem.text, AgentText(agent), " is not connected", SinceText(agent),
+                        " and has not delivered it to its end: ", what(),
                         IsInMemory(agent) ? " is lost if the agent has ended: " : " may be in ",
                         IsInMemory(agent) ? "its spool is in memory" : problem.where);
         problem.what_to_do = absl::StrCat("start agent ", agent, " again, and verify then");
@@ -380,7 +402,7 @@ std::string FormatVerification(const SessionVerification& verification) {
   if (sum.late > 0) {
     absl::StrAppend(&text, sum.late,
                     " of the durable ones came after the session had finished: no calibration "
-                    "uses them\n");
+                    "uses them; `rigcal session stop --drain-timeout SECONDS` waits longer\n");
   }
   if (verification.holds()) {
     return absl::StrCat(text, "verified: ", sum.detected, " detected = ", sum.durable,

@@ -41,7 +41,7 @@ struct VerifiedRows {
 // Why a session is not verified.
 struct VerificationProblem {
   // For programs: not_started, capturing, draining, deleted, no_stream, conflict, waiting, away,
-  // no_agent, gone, damaged, missing, surplus, went_back.
+  // no_agent, gone, end_unknown, damaged, missing, surplus, went_back.
   std::string kind;
   std::string camera;              // empty: the whole session
   uint32_t stream_epoch = 0;       // 0: all streams

@@ -113,8 +113,12 @@ absl::StatusOr<JoinString> ParseJoinString(std::string_view text) {
       absl::StripAsciiWhitespace(absl::string_view(text.data(), text.size())));
   if (trimmed.size() > kMaxTextBytes || trimmed.size() < 4 || trimmed.substr(0, 2) != "rk" ||
       trimmed[3] != '.') {
-    return absl::InvalidArgumentError(
-        "not a join string: one begins with \"rk1.\" and is printed by rigcal token create");
+    return absl::InvalidArgumentError(absl::StrCat(
+        "not a join string: one begins with \"rk1.\" and is printed by rigcal token create",
+        trimmed.rfind("https://", 0) == 0
+            ? "; this is the address of a page for browsers, and the same command prints the "
+              "string beside it"
+            : ""));
   }
   if (trimmed.substr(0, kPrefix.size()) != kPrefix) {
     return absl::InvalidArgumentError(

@@ -80,6 +80,7 @@ struct StreamStatus {
   uint32_t durable_seq = 0;
   std::optional<uint32_t> last_seq;  // once the end of capture has come
   uint32_t reported_seq = 0;         // last number as the agent reported it; 0: not yet
+  bool end_is_unknown = false;       // SpoolReport::end_is_unknown, as the agent reported it
 
   bool ended() const { return last_seq.has_value() && durable_seq >= *last_seq; }
 };

@@ -15,6 +15,8 @@ struct SpoolReport {
   uint32_t acknowledged_seq = 0;      // the server has acknowledged all up to it
   uint64_t spooled_count = 0;         // rows that are kept and not acknowledged
   std::vector<Refusal> dropped = {};  // rows that will never be sent; `camera` is empty
+  // The capture ended with the agent, and nothing proves that no row followed last_seq.
+  bool end_is_unknown = false;
 
   friend bool operator==(const SpoolReport&, const SpoolReport&) = default;
 };

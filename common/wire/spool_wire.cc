@@ -57,6 +57,7 @@ v1::SpoolReport ToProto(const SpoolReport& report) {
   proto.set_acknowledged_seq(report.acknowledged_seq);
   proto.set_spooled_count(report.spooled_count);
   WriteDrops(report.dropped, proto.mutable_dropped());
+  proto.set_end_is_unknown(report.end_is_unknown);
   return proto;
 }
 
@@ -65,6 +66,7 @@ absl::StatusOr<SpoolReport> FromProto(const v1::SpoolReport& proto, absl::string
                      .acknowledged_seq = proto.acknowledged_seq(),
                      .spooled_count = LimitedCount(proto.spooled_count())};
   RIGCAL_ASSIGN_OR_RETURN(report.dropped, ReadDrops(proto.dropped(), field));
+  report.end_is_unknown = proto.end_is_unknown();
   return report;
 }
 

@@ -95,9 +95,18 @@ absl::Status CheckAccess(const Peer& peer, std::string_view method) {
         absl::StrCat(Describe(peer), " called an RPC for which this server has no rule"));
   }
   if (!peer.has_certificate || rule->roles.contains(peer.role)) return absl::OkStatus();
-  return absl::PermissionDeniedError(absl::StrCat(
-      Describe(peer), " has the role ", std::string(RoleName(peer.role)), ", which may not call ",
-      std::string(rule->method.substr(1)), "; it needs the role ", rule->roles.ToString()));
+  // Who runs the server is its admin.
+  const std::string what_to_do =
+      rule->roles.contains(Role::kOperator)
+          ? "rigcal token create --role operator, on the server's PC, makes a join string for it"
+          : "do it on the server's PC, as the user who runs rigcal-server";
+  return absl::PermissionDeniedError(
+      absl::StrCat(Describe(peer), " has the role ", std::string(RoleName(peer.role)),
+                   ", and this needs ", rule->roles.ToString(), " (",
+                   std::string(rule->method.substr(rule->method.rfind('/') + 1)), "); ",
+                   rule->roles.contains(Role::kAgent) && !rule->roles.contains(Role::kOperator)
+                       ? "an agent does it: rigcal-agent join"
+                       : what_to_do));
 }
 
 }  // namespace rigcal::server

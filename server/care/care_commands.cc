@@ -94,8 +94,11 @@ void PrintIdentity(const RestoredIdentity& identity) {
       "backup "
       "stays so");
   if (identity.closed_tokens + identity.ended_web_sessions > 0) {
-    std::printf(" (%s join strings, %s browsers)", absl::StrCat(identity.closed_tokens).c_str(),
-                absl::StrCat(identity.ended_web_sessions).c_str());
+    const auto count = [](size_t number, const char* singular) {
+      return absl::StrCat(number, " ", singular, number == 1 ? "" : "s");
+    };
+    std::printf(" (%s, %s)", count(identity.closed_tokens, "join string").c_str(),
+                count(identity.ended_web_sessions, "browser").c_str());
   }
   std::printf("\n");
   for (const std::string& uri : identity.joined_since) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/identity/restored_identity.h"
 
+#include <map>
 #include <set>
 #include <utility>
 
@@ -36,36 +37,53 @@ bool IsOpen(const IdentityJson& token) {
   return token.is_object() && !token.contains("used") && !JsonFields(token).Flag("revoked");
 }
 
-// Whatever else a list keeps beside its items, such as what has left it: of both.
-void TakeOtherLists(const IdentityJson& from, const char* but, IdentityJson* into) {
-  for (const auto& [key, list] : from.items()) {
-    if (key == but || !list.is_array()) continue;
-    IdentityJson& own = (*into)[key];
-    if (!own.is_array()) own = IdentityJson::array();
-    for (const IdentityJson& item : list) {
-      if (std::find(own.begin(), own.end(), item) == own.end()) own.push_back(item);
-    }
-  }
+// Tokens by the hash of their secret.
+std::map<std::string, IdentityJson> BySecret(const IdentityJson& tokens) {
+  std::map<std::string, IdentityJson> by_secret;
+  for (const IdentityJson& token : tokens) by_secret[TextIn(token, "secret_sha256")] = token;
+  return by_secret;
+}
+
+// What became of a string that the backup does not have.
+IdentityJson SpentSince(const IdentityJson& token) {
+  return {{"secret_sha256", token["secret_sha256"]},
+          {"expires", token["expires"]},
+          {"why", token.contains("used")
+                      ? absl::StrCat("was already used, at ", TextIn(token, "used"), " by ",
+                                     TextIn(token, "used_by"),
+                                     ", after the backup that this server was restored from")
+                      : "was made after the backup that this server was restored from"}};
 }
 
 absl::Status CloseTokens(const fs::path& before, const fs::path& restored, size_t* closed) {
-  constexpr char kKey[] = "tokens";
-  RIGCAL_ASSIGN_OR_RETURN(IdentityJson tokens, ReadList(restored, kKey));
+  constexpr char kTokens[] = "tokens";
+  constexpr char kSpent[] = "spent";
+  constexpr char kSpentFile[] = "spent_tokens.json";
+  RIGCAL_ASSIGN_OR_RETURN(IdentityJson list, ReadList(restored / "tokens.json", kTokens));
+  RIGCAL_ASSIGN_OR_RETURN(IdentityJson spent_list, ReadList(restored / kSpentFile, kSpent));
   // Where it cannot be told which have been used, all have.
-  const absl::StatusOr<IdentityJson> since = ReadList(before, kKey);
-  std::set<std::string> open;
-  if (since.ok()) {
-    for (const IdentityJson& token : (*since)[kKey]) {
-      if (IsOpen(token)) open.insert(TextIn(token, "secret_sha256"));
+  const absl::StatusOr<IdentityJson> list_since = ReadList(before / "tokens.json", kTokens);
+  const absl::StatusOr<IdentityJson> spent_since = ReadList(before / kSpentFile, kSpent);
+  std::map<std::string, IdentityJson> since, spent = BySecret(spent_list[kSpent]);
+  if (list_since.ok()) since = BySecret((*list_since)[kTokens]);
+  if (spent_since.ok()) spent.merge(BySecret((*spent_since)[kSpent]));
+  for (IdentityJson& token : list[kTokens]) {
+    const bool was_open = IsOpen(token);
+    const auto newer = since.find(TextIn(token, "secret_sha256"));
+    if (newer != since.end()) {
+      token = newer->second;
+      since.erase(newer);
+    } else if (was_open) {
+      token["revoked"] = true;
     }
-    TakeOtherLists(*since, kKey, &tokens);
+    if (was_open && !IsOpen(token)) ++*closed;
   }
-  for (IdentityJson& token : tokens[kKey]) {
-    if (!IsOpen(token) || open.contains(TextIn(token, "secret_sha256"))) continue;
-    token["revoked"] = true;
-    ++*closed;
-  }
-  return WriteDurableFile(restored, tokens.dump(1) + "\n");
+  for (const auto& [secret, token] : since) spent.try_emplace(secret, SpentSince(token));
+  spent_list[kSpent] = IdentityJson::array();
+  for (const auto& [secret, token] : spent) spent_list[kSpent].push_back(token);
+  // First what a string that leaves the list needs to stay refused.
+  RIGCAL_RETURN_IF_ERROR(WriteDurableFile(restored / kSpentFile, spent_list.dump() + "\n"));
+  return WriteDurableFile(restored / "tokens.json", list.dump(1) + "\n");
 }
 
 absl::Status EndWebSessions(const fs::path& before, const fs::path& restored, size_t* ended) {
@@ -130,8 +148,7 @@ absl::StatusOr<RestoredIdentity> TakeOverRevocations(const fs::path& before,
     RIGCAL_RETURN_IF_ERROR(denied.Deny(replaced.uri, serials, now));
   }
   result.joined_since = since.joined;
-  RIGCAL_RETURN_IF_ERROR(
-      CloseTokens(before / "tokens.json", restored / "tokens.json", &result.closed_tokens));
+  RIGCAL_RETURN_IF_ERROR(CloseTokens(before, restored, &result.closed_tokens));
   RIGCAL_RETURN_IF_ERROR(EndWebSessions(
       before / "web_sessions.json", restored / "web_sessions.json", &result.ended_web_sessions));
   return result;

@@ -76,12 +76,13 @@ std::string AdviceFor(const MissingRows& missing) {
   }
   if (missing.is_open) {
     parts.push_back(
-        "its stream has no end, and nobody knows how much was detected behind its last "
-        "row");
+        "nothing tells where its stream ended, and how much was detected behind its last row");
   }
-  return absl::StrCat(absl::StrJoin(parts, "; "), ". `rigcal session verify ",
-                      absl::StrJoin(missing.sessions, "` and `rigcal session verify "),
-                      "` says where they are; record again where they are needed");
+  return absl::StrCat(
+      absl::StrJoin(parts, "; "), ". `rigcal session verify ",
+      absl::StrJoin(missing.sessions, "` and `rigcal session verify "),
+      "` says where they are. Start the agent that still has them and calibrate again, "
+      "or record again");
 }
 
 // A camera that is not in the result does not spoil it.
@@ -110,6 +111,7 @@ RowShare::RowShare(std::string session_id, std::string camera, const SessionCame
   if (counts == nullptr) return;
   has_open_stream_ = !counts->ended();
   for (const StreamStatus& stream : counts->streams) {
+    has_open_stream_ = has_open_stream_ || stream.end_is_unknown;
     last_seq_[stream.stream_epoch] =
         std::max({stream.durable_seq, stream.last_seq.value_or(0), stream.reported_seq});
   }
@@ -170,7 +172,7 @@ void NoteIncompleteSessions(absl::Span<const RowShare> shares, const Calibration
                        100 * (finding.severity == FindingSeverity::kError ? kBadWithoutShare
                                                                           : kUsableWithoutShare))
                  : absl::StrCat("camera ", camera,
-                                ": its stream has no end, and nobody knows how many of its "
+                                ": nothing tells where its stream ended, and how many of its "
                                 "observations are missing"),
              &result->quality);
   }

@@ -29,6 +29,7 @@ static_assert(kCountNames.size() == 4 + kDetectionOutcomes.size());
 constexpr std::string_view kSpoolLastSeq = "spool.last_seq";
 constexpr std::string_view kSpoolAcknowledgedSeq = "spool.acknowledged_seq";
 constexpr std::string_view kSpoolDropped = "spool.dropped.";
+constexpr std::string_view kSpoolEndIsUnknown = "spool.end_is_unknown";
 
 }  // namespace
 
@@ -49,6 +50,7 @@ std::vector<std::pair<std::string, uint64_t>> NamedCounts(const SpoolReport& rep
       {std::string(kSpoolLastSeq), report.last_seq},
       {std::string(kSpoolAcknowledgedSeq), report.acknowledged_seq},
       {std::string(kSpoolRows), report.spooled_count}};
+  if (report.end_is_unknown) counts.emplace_back(std::string(kSpoolEndIsUnknown), 1);
   for (const Refusal& refusal : report.dropped) {
     counts.emplace_back(std::string(kSpoolDropped) + std::string(NameOf(refusal.reason)),
                         refusal.count);
@@ -63,6 +65,8 @@ bool SetNamedCount(std::string_view name, uint64_t count, SpoolReport* report) {
     report->acknowledged_seq = static_cast<uint32_t>(count);
   } else if (name == kSpoolRows) {
     report->spooled_count = count;
+  } else if (name == kSpoolEndIsUnknown) {
+    report->end_is_unknown = count > 0;
   } else if (name.starts_with(kSpoolDropped)) {
     report->dropped.push_back({.camera = "",
                                .reason = RefusalReasonFromName(name.substr(kSpoolDropped.size())),

@@ -15,6 +15,9 @@ constexpr size_t kCheckpointPrefix = 16;
 constexpr size_t kMaxKeyBytes = 256;
 constexpr size_t kMaxExampleBytes = 1024;
 constexpr uint32_t kMaxEntries = 1u << 20;
+// Of the end of a stream.
+constexpr uint8_t kInterrupted = 1;
+constexpr uint8_t kEndIsUnknown = 2;
 
 void PutReport(const CameraReport& report, std::string* out) {
   PutNumber(report.observation_count, out);
@@ -102,7 +105,9 @@ void PutStream(const DiskStream& stream, std::string* out) {
   PutNumber(uint8_t{stream.end.has_value()}, out);
   if (!stream.end) return;
   PutNumber(stream.end->last_seq, out);
-  PutNumber(uint8_t{stream.end->interrupted}, out);
+  PutNumber(static_cast<uint8_t>((stream.end->interrupted ? kInterrupted : 0) |
+                                 (stream.end_is_unknown ? kEndIsUnknown : 0)),
+            out);
   PutReport(stream.end->report, out);
 }
 
@@ -131,7 +136,9 @@ DiskStream TakeStream(ByteReader& reader) {
   EndOfCapture& end = stream.end.emplace();
   end.stream = stream.stream;
   end.last_seq = reader.Take<uint32_t>();
-  end.interrupted = reader.Take<uint8_t>() != 0;
+  const auto flags = reader.Take<uint8_t>();
+  end.interrupted = (flags & kInterrupted) != 0;
+  stream.end_is_unknown = (flags & kEndIsUnknown) != 0;
   end.report = TakeReport(reader);
   end.report.stream = stream.stream;
   return stream;

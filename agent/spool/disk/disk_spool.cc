@@ -58,8 +58,10 @@ absl::StatusOr<std::unique_ptr<DiskSpool>> DiskSpool::Create(DiskSpoolOptions op
 absl::Status DiskSpool::Recover() {
   RIGCAL_RETURN_IF_ERROR(files_.CreateFolder(options_.folder));
   RIGCAL_ASSIGN_OR_RETURN(folder_lock_, files_.Lock(PathOf("lock")));
+  RIGCAL_ASSIGN_OR_RETURN(StreamEnds ends, StreamEnds::Open(files_, options_.folder));
+  ends_.emplace(std::move(ends));
   RIGCAL_ASSIGN_OR_RETURN(RecoveredSpool found,
-                          RecoverSpool(files_, options_.folder, options_.boot));
+                          RecoverSpool(files_, options_.folder, *ends_, options_.boot));
   const std::lock_guard lock(mutex_);
   last_stream_number_ = found.last_stream_number;
   last_ordinal_ = found.last_ordinal;
@@ -110,7 +112,11 @@ absl::Status DiskSpool::Open(const StreamKey& key, int marker_count, uint32_t fi
   stream.durable_seq = stream.synced_seq = first_seq - 1;
   stream.boot = options_.boot;
   checkpoint_due_ = true;
-  return absl::OkStatus();
+  const absl::Status status = ends_->Write(stream.number, stream.end_seq);
+  // On a full disk the end stays unknown until the first observation is written.
+  if (status.ok() || absl::IsResourceExhausted(status)) return absl::OkStatus();
+  Fail(status);
+  return failed_;
 }
 
 absl::StatusOr<uint32_t> DiskSpool::Append(const StreamKey& key, const Observation& observation,
@@ -156,6 +162,8 @@ absl::StatusOr<uint32_t> DiskSpool::Append(const StreamKey& key, const Observati
     if (!stream.segments.empty()) stream.segments.back().end_seq = stream.end_seq;
     if (is_row_dropped) {
       dropped_[RefusalReason::kSpoolFull] += stream.AddGap(seq, seq + 1, RefusalReason::kSpoolFull);
+      // The next checkpoint has it too.
+      ends_->Write(stream.number, stream.end_seq).IgnoreError();
       checkpoint_due_ = true;
     } else {
       ++stream.row_count;
@@ -179,7 +187,9 @@ absl::StatusOr<uint32_t> DiskSpool::Append(const StreamKey& key, const Observati
 absl::Status DiskSpool::WriteRecord(DiskStream& stream, std::string_view record) {
   if (NeedsRotation(stream, record.size())) RIGCAL_RETURN_IF_ERROR(Rotate(stream));
   Segment& segment = stream.segments.back();
-  if (absl::Status status = segment.file->WriteAt(segment.bytes, record); !status.ok()) {
+  absl::Status status = segment.file->WriteAt(segment.bytes, record);
+  if (status.ok()) status = ends_->Write(stream.number, stream.end_seq + 1);
+  if (!status.ok()) {
     // Part of it may be there; the next record must begin where this one did.
     if (absl::Status cut = segment.file->Truncate(segment.bytes); !cut.ok()) {
       return absl::InternalError(

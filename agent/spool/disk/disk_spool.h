@@ -8,12 +8,14 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "agent/spool/disk/disk_stream.h"
 #include "agent/spool/disk/file_system.h"
+#include "agent/spool/disk/stream_ends.h"
 #include "agent/spool/observation_spool.h"
 
 namespace rigcal::agent {
@@ -48,9 +50,9 @@ uint64_t BootNumber();
 //
 // Damaged records, and rows dropped when it was full, are counted, and told to the server as
 // dropped ranges. A stream whose capture was running when the agent ended gets its end behind its
-// last row. After a failed write or sync nothing is accepted any more until the spool is opened
-// again: what is on the disk then is not known, and trying again would not tell. A full disk is no
-// failure: it is treated as a full spool.
+// last row; stream_ends.h says when that is known to be its end. After a failed write or sync
+// nothing is accepted any more until the spool is opened again: what is on the disk then is not
+// known, and trying again would not tell. A full disk is no failure: it is treated as a full spool.
 class DiskSpool final : public ObservationSpool {
  public:
   // ALREADY_EXISTS: another agent uses the folder.  Errors of the file system, naming the file.
@@ -112,6 +114,7 @@ class DiskSpool final : public ObservationSpool {
   FileSystem& files_;
   const uint64_t segment_bytes_;
   std::shared_ptr<void> folder_lock_;
+  std::optional<StreamEnds> ends_;  // once Recover has opened it
 
   std::mutex maintenance_mutex_;  // taken before mutex_
   mutable std::mutex mutex_;

@@ -32,8 +32,8 @@ struct SegmentEnd {
 
 class Recovery {
  public:
-  Recovery(FileSystem& files, const std::string& folder, uint64_t boot)
-      : files_(files), folder_(folder), boot_(boot) {}
+  Recovery(FileSystem& files, const std::string& folder, const StreamEnds& ends, uint64_t boot)
+      : files_(files), folder_(folder), ends_(ends), boot_(boot) {}
 
   absl::StatusOr<RecoveredSpool> Run() {
     RIGCAL_RETURN_IF_ERROR(ListSegments());
@@ -227,10 +227,17 @@ class Recovery {
       }
       stream->segments.push_back(std::move(segment));
     }
+    stream->is_of_other_boot = boot_ == 0 || stream->boot != boot_;
     uint32_t known_end = stream->end ? stream->end->last_seq + 1 : stream->synced_seq + 1;
     // Numbers up to a gap were given, even if no row in front of it reached the disk.
     if (!stream->gaps.empty()) known_end = std::max(known_end, stream->gaps.back().end);
-    stream->end_seq = std::max({stream->durable_seq + 1, known_end, stream->end ? 1 : end.end});
+    if (!stream->end) {
+      const std::optional<uint32_t> written =
+          stream->is_of_other_boot ? std::nullopt : ends_.Read(stream->number);
+      stream->end_is_unknown = !written;
+      known_end = std::max(known_end, written ? std::max(*written, end.intact_end) : end.end);
+    }
+    stream->end_seq = std::max(stream->durable_seq + 1, known_end);
     const uint32_t first =
         stream->segments.empty() ? stream->end_seq : stream->segments.front().first_seq;
     uint64_t lost = 0;
@@ -249,7 +256,14 @@ class Recovery {
       interrupted.last_seq = stream->end_seq - 1;
       interrupted.interrupted = true;
     }
-    stream->is_of_other_boot = boot_ == 0 || stream->boot != boot_;
+    if (stream->end_is_unknown) {
+      spdlog::error(
+          "camera {}: nothing tells how many observations of session {} were detected behind "
+          "number "
+          "{}, when the {}",
+          stream->stream.camera, stream->stream.session_id, stream->end_seq - 1,
+          stream->is_of_other_boot ? "computer stopped" : "agent ended");
+    }
     while (!stream->segments.empty() &&
            stream->segments.front().end_seq <= stream->durable_seq + 1) {
       result_.doomed.push_back(std::move(stream->segments.front()));
@@ -275,6 +289,7 @@ class Recovery {
 
   FileSystem& files_;
   const std::string& folder_;
+  const StreamEnds& ends_;
   const uint64_t boot_;
   uint32_t discarded_up_to_ = 0;
   std::map<uint32_t, DiskStream> by_number_;  // of the checkpoint
@@ -285,8 +300,8 @@ class Recovery {
 }  // namespace
 
 absl::StatusOr<RecoveredSpool> RecoverSpool(FileSystem& files, const std::string& folder,
-                                            uint64_t boot) {
-  return Recovery(files, folder, boot).Run();
+                                            const StreamEnds& ends, uint64_t boot) {
+  return Recovery(files, folder, ends, boot).Run();
 }
 
 }  // namespace rigcal::agent

@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "agent/spool/disk/disk_stream.h"
 #include "agent/spool/disk/file_system.h"
+#include "agent/spool/disk/stream_ends.h"
 
 namespace rigcal::agent {
 
@@ -29,9 +30,10 @@ struct RecoveredSpool {
 };
 
 // Reads the checkpoint, the header of each segment and the last segment of each stream. A stream
-// without end gets one behind its last row, marked as interrupted. Damage is counted and logged; it
-// is never an error. Errors: those of listing the folder and of syncing.
+// without end gets one, marked as interrupted: where `ends` says, if it was captured in this run of
+// the operating system; else behind its last row, and then its end counts as unknown. Damage is
+// counted and logged; it is never an error. Errors: those of listing the folder and of syncing.
 absl::StatusOr<RecoveredSpool> RecoverSpool(FileSystem& files, const std::string& folder,
-                                            uint64_t boot);
+                                            const StreamEnds& ends, uint64_t boot);
 
 }  // namespace rigcal::agent

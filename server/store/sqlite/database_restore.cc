@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <system_error>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/file/durable_file.h"
@@ -138,16 +139,24 @@ absl::StatusOr<RestoreReport> RestoreDatabase(const fs::path& file, const fs::pa
   const fs::path whole = fs::absolute(data_directory).lexically_normal();
   const fs::path folder = whole.has_filename() ? whole : whole.parent_path();
   RestoreReport report;
-  RIGCAL_ASSIGN_OR_RETURN(report.backup, CheckDatabase(file, progress));
+  const bool had_folder = fs::exists(folder, error);
+  const bool had_files = fs::is_directory(folder, error) && !fs::is_empty(folder, error);
+  // Held until the end: no server starts on a folder that is being replaced. First of all, because
+  // where one runs there is no use in checking the backup.
+  RIGCAL_ASSIGN_OR_RETURN(const auto lock, DataDirectory::Open(folder));
+  const auto give_up = [&](absl::Status status) {
+    if (!had_folder) fs::remove_all(folder, error);  // was made for the lock only
+    return status;
+  };
+  absl::StatusOr<DatabaseReport> backup = CheckDatabase(file, progress);
+  if (!backup.ok()) return give_up(backup.status());
+  report.backup = *std::move(backup);
   if (report.backup.fault_count > 0 && !options.take_damaged) {
-    return absl::DataLossError(
+    return give_up(absl::DataLossError(
         absl::StrCat(file.string(), " has ", report.backup.fault_count,
                      " faults, the first: ", report.backup.faults.front(),
-                     "; take another backup, or give --damaged to restore what it has"));
+                     "; take another backup, or give --damaged to restore what it has")));
   }
-  const bool had_files = fs::is_directory(folder, error) && !fs::is_empty(folder, error);
-  // Held until the end: no server starts on a folder that is being replaced.
-  RIGCAL_ASSIGN_OR_RETURN(const auto lock, DataDirectory::Open(folder));
   const fs::path filled = absl::StrCat(folder.string(), ".restore-", getpid());
   const fs::path aside = AsideName(folder);
   absl::Status status = FillFolder(file, folder, filled);
@@ -155,7 +164,7 @@ absl::StatusOr<RestoreReport> RestoreDatabase(const fs::path& file, const fs::pa
   if (status.ok()) status = SwapFolders(folder, aside, filled);
   if (!status.ok()) {
     fs::remove_all(filled, error);
-    return status;
+    return give_up(std::move(status));
   }
   if (had_files) {
     report.kept = aside;

@@ -63,7 +63,9 @@ std::vector<StreamStatus> ReadStreams(SQLite::Database& database, int64_t camera
   SQLite::Statement query = Query(database,
                                   "SELECT stream_epoch, durable_seq, last_seq, "
                                   "coalesce((SELECT count FROM report_count WHERE stream_id=s.id "
-                                  "AND name='spool.last_seq'), 0) FROM stream s "
+                                  "AND name='spool.last_seq'), 0), "
+                                  "EXISTS (SELECT 1 FROM report_count WHERE stream_id=s.id "
+                                  "AND name='spool.end_is_unknown') FROM stream s "
                                   "WHERE camera_id=? ORDER BY stream_epoch",
                                   camera_id);
   std::vector<StreamStatus> streams;
@@ -73,6 +75,7 @@ std::vector<StreamStatus> ReadStreams(SQLite::Database& database, int64_t camera
     status.durable_seq = ColumnUint32(query, 1);
     if (!query.getColumn(2).isNull()) status.last_seq = ColumnUint32(query, 2);
     status.reported_seq = ColumnUint32(query, 3);
+    status.end_is_unknown = ColumnUint32(query, 4) != 0;
     streams.push_back(status);
   }
   return streams;

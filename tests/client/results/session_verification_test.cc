@@ -89,6 +89,18 @@ TEST(SessionVerification, HoldsForWhatIsDurable) {
   EXPECT_TRUE(VerifyOne(Complete(0)).holds());
 }
 
+TEST(SessionVerification, DoesNotHoldWhereTheAgentDoesNotKnowWhichRowWasTheLast) {
+  v1::StreamAudit audit = Complete(100);
+  audit.mutable_reported()->set_last_seq(100);
+  EXPECT_TRUE(VerifyOne(audit).holds());
+  audit.mutable_reported()->set_end_is_unknown(true);
+  const SessionVerification verification = VerifyOne(audit);
+  EXPECT_THAT(KindsOf(verification), ElementsAre("end_unknown"));
+  EXPECT_THAT(FirstText(verification), HasSubstr("after row 100 is not known: agent pc-1"));
+  EXPECT_THAT(verification.problems[0].rows, ElementsAre(Rows(101, 0)));
+  EXPECT_EQ(verification.streams[0].state, "end not known");
+}
+
 TEST(SessionVerification, DoesNotHoldForDamagedRows) {
   v1::StreamAudit audit = Complete(100);
   audit.set_stored_count(80);

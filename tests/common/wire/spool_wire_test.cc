@@ -22,7 +22,8 @@ TEST(SpoolWire, GivesAReportBackWithinThatOfItsStream) {
   report.spool = SpoolReport{.last_seq = 9,
                              .acknowledged_seq = 4,
                              .spooled_count = 3,
-                             .dropped = {{"", RefusalReason::kSpoolFull, 2, ""}}};
+                             .dropped = {{"", RefusalReason::kSpoolFull, 2, ""}},
+                             .end_is_unknown = true};
   ASSERT_OK_AND_ASSIGN(const CameraReport back, FromProto(ToProto(report)));
   EXPECT_EQ(back.spool, report.spool);
   ASSERT_OK_AND_ASSIGN(const CameraReport without, FromProto([&] {

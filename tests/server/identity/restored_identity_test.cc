@@ -89,6 +89,7 @@ TEST_F(RestoredIdentity, LetsNobodyInAgain) {
   ASSERT_THAT(authority_->RevokeToken(revoked_token), IsOk());
   now_ += absl::Hours(1);
   const std::string later = JoinWith(used, "pc-later");
+  const std::string made_later = Secret();
   const std::string replacing = JoinWith(Secret("pc-replaced"), "pc-replaced");
 
   const server::RestoredIdentity result = Restore(backup);
@@ -103,7 +104,12 @@ TEST_F(RestoredIdentity, LetsNobodyInAgain) {
   EXPECT_NE(StandingOf(replacing), Standing::kAccepted);
   const std::string request = *MakeCertificateRequest(*MakePrivateKey(), "pc-x", Role::kAgent);
   EXPECT_THAT(authority_->Enrol(used, request),
-              StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("revoked")));
+              StatusIs(absl::StatusCode::kPermissionDenied,
+                       HasSubstr("was already used, at 2026-11-18T11:06:40Z by "
+                                 "rigcal://agents/pc-later")));
+  EXPECT_THAT(authority_->Enrol(made_later, request),
+              StatusIs(absl::StatusCode::kPermissionDenied,
+                       HasSubstr("was made after the backup that this server was restored from")));
   // Who lost his place can join again, and a string that nobody has used is still good.
   EXPECT_EQ(StandingOf(Join("pc-later")), Standing::kAccepted);
   EXPECT_EQ(StandingOf(JoinWith(open, "pc-forgotten")), Standing::kAccepted);

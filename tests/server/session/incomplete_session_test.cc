@@ -122,7 +122,15 @@ TEST(IncompleteSession, AStreamWithoutAnEndIsUsableAtMost) {
   ASSERT_THAT(result.findings, SizeIs(1));
   EXPECT_EQ(result.findings[0].severity, FindingSeverity::kWarning);
   EXPECT_EQ(result.quality.grade, QualityGrade::kUsable);
-  EXPECT_THAT(result.quality.reasons, ElementsAre(HasSubstr("no end")));
+  EXPECT_THAT(result.quality.reasons, ElementsAre(HasSubstr("nothing tells where its stream ended")));
+  // It has ended, but its agent does not know where.
+  SessionCameraCounts counts;
+  counts.streams = {Stream(100, 100, 100)};
+  counts.streams[0].durable_seq = 100;
+  counts.streams[0].end_is_unknown = true;
+  RowShare unknown("wave", "left", &counts);
+  unknown.Add(Rows(1, 100));
+  EXPECT_EQ(Noted({unknown, Share("right", 100)}).quality.grade, QualityGrade::kUsable);
   // The other camera went on for longer, whatever the agent had said.
   result = Noted({OpenShare("left", 30, 30), Share("right", 100)});
   EXPECT_EQ(result.findings[0].severity, FindingSeverity::kError);

@@ -266,8 +266,18 @@ TEST_F(StoreAppend, TellsWhereTheRowsOfEachStreamAre) {
   };
   report(70, 30, 36);
   report(60, 20, 40);  // came late
+  server::Delivery interrupted = EndDelivery(KeyOf("b", 3), 0);
+  interrupted.report.emplace().stream = KeyOf("b", 3);
+  interrupted.report->spool = SpoolReport{.end_is_unknown = true};
+  Append(interrupted);
   ASSERT_OK_AND_ASSIGN(const auto audits, store().AuditStreams("s-test"));
-  ASSERT_EQ(audits.size(), 2u);
+  ASSERT_EQ(audits.size(), 3u);
+  ASSERT_TRUE(audits[2].reported);
+  EXPECT_TRUE(audits[2].reported->end_is_unknown);
+  ASSERT_OK_AND_ASSIGN(const auto counts, store().GetSessionCounts("s-test"));
+  EXPECT_FALSE(counts.at(0).streams.at(0).end_is_unknown);
+  EXPECT_FALSE(counts.at(1).streams.at(0).end_is_unknown);
+  EXPECT_TRUE(counts.at(1).streams.at(1).end_is_unknown);
   EXPECT_EQ(audits[0].stream, KeyOf("a", 5));
   EXPECT_EQ(audits[0].durable_seq, 34u);
   EXPECT_EQ(audits[0].highest_seq, 60u);

@@ -192,6 +192,97 @@ TEST_F(DiskSpoolCorruption, IsNotConfusedByASegmentOfAnotherStream) {
   EXPECT_EQ(spool->Status().dropped.size(), 1u);
 }
 
+// The agent is killed while it captures: only the segments, the checkpoint and the ends say how much
+// there was.
+class DiskSpoolCorruptionOfACapture : public ::testing::Test {
+ protected:
+  DiskSpoolCorruptionOfACapture() {
+    auto spool = OpenSpool(files_);
+    EXPECT_THAT(spool->Open(kLeft, 1, 1), IsOk());
+    spool->Maintain();
+    AppendRows(*spool, kLeft, 1, kRows);
+    Kill(spool, files_);
+    for (const std::string& name : files_.Names()) {
+      if (name.ends_with(".seg")) segments_.push_back(name);
+    }
+    EXPECT_THAT(segments_, SizeIs(3));
+  }
+  SpooledStream Recovered(DiskSpoolOptions options = ModelOptions()) {
+    const auto spool = OpenSpool(files_, std::move(options));
+    const auto stream = spool->Find(kLeft);
+    EXPECT_TRUE(stream);
+    return stream.value_or(SpooledStream());
+  }
+  void CutAtARecordsBorder() {
+    const std::string content = files_.Content(segments_.back());
+    std::string record;
+    EncodeRecord(1, MakeObservation(kRowNs), {}, &record);
+    files_.SetContent(segments_.back(), content.substr(0, content.size() - 100 * record.size()));
+  }
+
+  ModelFileSystem files_;
+  std::vector<std::string> segments_;
+};
+
+TEST_F(DiskSpoolCorruptionOfACapture, TheEndIsKnownWhereNothingIsDamaged) {
+  EXPECT_FALSE(Recovered().end_is_unknown);
+  const SpooledStream stream = Recovered();
+  EXPECT_FALSE(stream.end_is_unknown);
+  EXPECT_EQ(stream.end_seq, kRows + 1);
+  EXPECT_THAT(stream.dropped, IsEmpty());
+}
+
+TEST_F(DiskSpoolCorruptionOfACapture, CountsWhatWasCutOffAtARecordsBorder) {
+  CutAtARecordsBorder();
+  const SpooledStream stream = Recovered();
+  EXPECT_FALSE(stream.end_is_unknown);
+  EXPECT_EQ(stream.end_seq, kRows + 1);
+  EXPECT_EQ(stream.dropped.at(RefusalReason::kSpoolDamaged), 100u);
+}
+
+TEST_F(DiskSpoolCorruptionOfACapture, CountsTheSegmentsThatAreGone) {
+  for (const std::string& name : segments_) files_.Erase(name);
+  const SpooledStream stream = Recovered();
+  EXPECT_FALSE(stream.end_is_unknown);
+  EXPECT_EQ(stream.dropped.at(RefusalReason::kSpoolDamaged), kRows);
+}
+
+TEST_F(DiskSpoolCorruptionOfACapture, DoesNotKnowTheEndWithoutItsProof) {
+  CutAtARecordsBorder();
+  const std::string ends = files_.Content("ends");
+  std::vector<std::string> damaged = {"", ends.substr(0, ends.size() - 1),
+                                      std::string(ends.size(), '\0')};
+  for (size_t byte = 12; byte < ends.size(); ++byte) {
+    damaged.push_back(ends);
+    damaged.back()[byte] = static_cast<char>(damaged.back()[byte] ^ 1);
+  }
+  const std::string checkpoint = files_.Content("checkpoint");
+  for (const std::string& content : damaged) {
+    files_.SetContent("ends", content);
+    files_.SetContent("checkpoint", checkpoint);
+    EXPECT_TRUE(Recovered().end_is_unknown);
+  }
+  files_.Erase("ends");
+  files_.SetContent("checkpoint", checkpoint);
+  EXPECT_TRUE(Recovered().end_is_unknown);
+  // And it does not become known by starting once more.
+  EXPECT_TRUE(Recovered().end_is_unknown);
+  EXPECT_TRUE(SpoolReportOf(Recovered()).end_is_unknown);
+}
+
+TEST_F(DiskSpoolCorruptionOfACapture, DoesNotKnowTheEndAfterAPowerCut) {
+  DiskSpoolOptions options = ModelOptions();
+  options.boot = 8;
+  EXPECT_TRUE(Recovered(options).end_is_unknown);
+}
+
+TEST_F(DiskSpoolCorruption, KnowsTheEndOfACaptureThatHadEnded) {
+  DiskSpoolOptions options = ModelOptions();
+  options.boot = 8;
+  const auto spool = OpenSpool(intact_, options);
+  EXPECT_FALSE(spool->Find(kLeft)->end_is_unknown);
+}
+
 // On a real file system, whose files may have holes: 20 GiB that take no room.
 class DiskSpoolHoles : public ::testing::Test {
  protected:

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <csignal>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -262,6 +263,60 @@ TEST_F(SessionVerify, AnAgentThatWasKilledIsNamedUntilItIsBack) {
                                                [](const auto& camera) { return camera.ended(); });
   })) << killed->StandardError();
   EXPECT_THAT(Verify(0).at("problems"), IsEmpty());
+}
+
+// Server and agent are killed while they work, and the spool loses its last file: the agent counts
+// what is gone, and where it cannot, nobody says "verified".
+TEST_F(SessionVerify, ASpoolThatLostItsEndIsCountedOrNotVerified) {
+  for (const bool has_proof : {true, false}) {
+    SCOPED_TRACE(has_proof);
+    std::filesystem::remove_all(directory_.path() / "store");
+    std::filesystem::remove_all(directory_.path() / "pc");
+    StartServer();
+    constexpr char kSource[] = "duration=60;rate=100;speed=2";
+    auto agent = StartAgent("pc", {0, 1, 2}, kSource);
+    ASSERT_NO_FATAL_FAILURE(StartSession(1));
+    ASSERT_TRUE(WaitFor([&] { return StoredCount("sim_2") >= 50; })) << agent->StandardError();
+    server_->process().Signal(SIGKILL);
+    server_->process().Wait();
+    const auto spool = directory_.path() / "pc" / "spool";
+    const auto bytes = [&] {
+      uintmax_t sum = 0;
+      for (const auto& entry : std::filesystem::directory_iterator(spool)) {
+        if (entry.path().extension() == ".seg") sum += entry.file_size();
+      }
+      return sum;
+    };
+    const uintmax_t before = bytes();
+    ASSERT_TRUE(WaitFor([&] { return bytes() > before + 20'000; })) << agent->StandardError();
+    agent->Signal(SIGKILL);
+    agent->Wait();
+    std::vector<std::filesystem::path> segments;
+    for (const auto& entry : std::filesystem::directory_iterator(spool)) {
+      if (entry.path().extension() == ".seg") segments.push_back(entry.path());
+    }
+    ASSERT_EQ(segments.size(), 3u);
+    std::filesystem::remove(segments[0]);
+    if (!has_proof) std::filesystem::remove(spool / "ends");
+    server_.reset();
+    StartServer();
+    agent = StartAgent("pc", {0, 1, 2}, kSource);
+    ASSERT_TRUE(WaitFor([&] {
+      const auto listed = client().ListAgents();
+      return listed.ok() && listed->size() == 1 && listed->at(0).connected();
+    }));
+    const CommandResult stopped = Rigcal({"session", "stop", "wave", "--wait"});
+    EXPECT_EQ(stopped.exit_code, has_proof ? 0 : 5) << stopped.error;
+    const json verified = Verify(has_proof ? 0 : 5);
+    if (has_proof) {
+      EXPECT_GT(verified.at("sum").at("dropped").at("spool_damaged"), 50) << verified;
+      continue;
+    }
+    EXPECT_THAT(KindsOf(verified), AllOf(Contains("end_unknown"), Each("end_unknown")));
+    EXPECT_THAT(stopped.error, HasSubstr("is not known: agent pc"));
+    const json finding = FindingOf(Calibrate(0), verified.at("problems")[0].at("camera"));
+    EXPECT_FALSE(finding.is_null());
+  }
 }
 
 TEST_F(SessionVerify, RowsThatWaitInASpoolAreNotDurable) {

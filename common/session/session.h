@@ -53,7 +53,7 @@ struct Session {
   std::optional<SessionGoal> goal = {};      // none: it ends when somebody stops it
   std::string stop_reason = {};              // empty: a person stopped it, or nobody
   std::string continues = {};                // id of the session it goes on with; empty: none
-  int64_t discard_utc_ns = 0;                // thrown away, kept whole; 0: it was not
+  int64_t discard_utc_ns = 0;                // discarded, its data retained; 0: it was not
 
   const SessionCamera* FindCamera(std::string_view camera) const {
     for (const SessionCamera& candidate : cameras) {

@@ -50,7 +50,7 @@ class Connections {
   enum class Verdict { kWelcome, kTooManyInAll, kTooManyFromThere };
   // Whether one more may come from there.
   Verdict Check(const sockaddr_storage& from) const;
-  // It was refused. True: the first time in a row, which somebody should hear of.
+  // It was refused. True: for the first time in a row, so that it is worth a line in the log.
   bool NoteRefusal(Verdict verdict, const sockaddr_storage& from);
   // It began without TLS.
   void SetPlain(int descriptor);

@@ -30,7 +30,7 @@ struct Caller {
   Peer peer;
   std::string address;  // "10.0.0.5:41002"; empty: over the socket file, or in the process
 
-  // As it is kept with what he has changed: "operator 'anna'"; empty: somebody on this PC.
+  // The caller as the audit log names him: "operator 'anna'"; empty: somebody on this PC.
   std::string OperatorName() const { return peer.has_certificate ? Describe(peer) : ""; }
 };
 

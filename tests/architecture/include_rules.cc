@@ -2,212 +2,81 @@
 #include "tests/architecture/include_rules.h"
 
 #include <algorithm>
-#include <map>
+#include <optional>
 #include <regex>
-#include <set>
 #include <sstream>
 
 namespace rigcal::testing {
 
-const FolderGraph& AllowedFolders() {
-  static const auto* const kAllowed = new FolderGraph{
-      {"agent/capture",
-       {"agent/capture/preview", "agent/detect/blobs", "agent/detect/event", "agent/detect/frame",
-        "agent/event", "common/camera", "common/import", "common/options", "common/status",
-        "common/target", "common/text", "common/time"}},
-      {"agent/capture/genicam",
-       {"agent/capture", "agent/detect/blobs", "common/camera", "common/import", "common/options",
-        "common/status", "common/time"}},
-      {"agent/capture/learning",
-       {"agent/capture", "agent/capture/preview", "agent/detect/frame", "common/file",
-        "common/session", "common/status", "common/target", "common/text"}},
-      {"agent/capture/metavision",
-       {"agent/capture", "agent/event", "agent/event_files", "common/camera", "common/config",
-        "common/import", "common/options", "common/status"}},
-      {"agent/capture/preview", {"agent/detect/blobs", "agent/detect/frame", "common/session"}},
-      {"agent/capture/recorded",
-       {"agent/capture", "agent/event", "agent/event_files", "common/camera", "common/import",
-        "common/options", "common/statistics", "common/status", "common/target", "common/text",
+const std::vector<Layer>& Layers() {
+  static const auto* const kLayers = new std::vector<Layer>{
+      // What all programs share.
+      {"numbers and words",
+       {"common/failpoint", "common/geometry", "common/statistics", "common/status", "common/text",
         "common/time"}},
-      {"agent/capture/registry",
-       {"agent/capture", "common/config", "common/options", "common/status", "common/text"}},
-      {"agent/capture/simulated",
-       {"agent/capture", "agent/event", "common/camera", "common/options",
-        "common/simulation/events", "common/simulation/frames", "common/simulation/world",
-        "common/status", "common/target", "common/time"}},
-      {"agent/command",
-       {"agent/capture", "agent/capture/registry", "agent/capture/simulated", "agent/detect/frame",
-        "agent/event", "agent/event_files", "agent/uplink", "common/camera", "common/command_line",
-        "common/config", "common/discovery", "common/enrolment", "common/file", "common/identity",
-        "common/options", "common/statistics", "common/status", "common/target"}},
-      {"agent/detect/blobs", {"common/statistics", "common/status", "common/target"}},
-      {"agent/detect/event",
-       {"agent/detect/blobs", "agent/event", "agent/identify", "common/statistics", "common/status",
+      {"files and options", {"common/associate", "common/file", "common/log", "common/options"}},
+      {"cameras, targets, configuration, keys",
+       {"common/camera", "common/command_line", "common/config", "common/identity",
         "common/target"}},
-      {"agent/detect/frame",
-       {"agent/detect/blobs", "agent/identify", "common/statistics", "common/status",
-        "common/target"}},
-      {"agent/event", {"common/camera", "common/status", "common/target", "common/time"}},
-      {"agent/event_files", {"agent/event", "common/options", "common/status", "common/text"}},
-      {"agent/identify",
-       {"agent/detect/blobs", "common/camera", "common/statistics", "common/status",
-        "common/target"}},
-      {"agent/spool", {"common/session", "common/target", "common/time"}},
-      {"agent/spool/disk",
-       {"agent/spool", "common/failpoint", "common/session", "common/status", "common/target",
-        "common/time"}},
-      {"agent/stamp", {"agent/capture", "agent/spool", "common/status"}},
-      {"agent/uplink",
-       {"agent/capture", "agent/capture/learning", "agent/capture/preview", "agent/spool",
-        "agent/stamp", "common/failpoint", "common/file", "common/status", "common/time",
-        "common/wire"}},
-      {"client", {"client/commands", "client/output", "client/watch"}},
-      {"client/commands",
-       {"client/net", "client/output", "client/results", "client/tables", "common/calibration",
-        "common/command_line", "common/enrolment", "common/export", "common/file",
-        "common/identity", "common/origin", "common/scale", "common/status", "common/target",
-        "common/text", "common/triangulate", "common/wire"}},
-      {"client/local",
-       {"client/commands", "client/net", "client/output", "client/results", "client/tables",
-        "common/calibration", "common/camera", "common/export", "common/import", "common/options",
-        "common/simulation", "common/simulation/world", "common/status", "common/target",
-        "common/wire"}},
-      {"client/net", {"common/enrolment", "common/identity", "common/options", "common/wire"}},
-      {"client/output", {"common/text"}},
-      {"client/results",
-       {"client/output", "common/calibration", "common/camera", "common/export", "common/file",
-        "common/geometry", "common/import", "common/origin", "common/scale", "common/session",
-        "common/simulation/world", "common/statistics", "common/status", "common/target",
-        "common/text", "common/triangulate", "common/wire"}},
-      {"client/tables", {"client/output", "common/geometry", "common/target", "common/wire"}},
-      {"client/watch", {"client/commands", "client/local", "client/net", "client/output"}},
-      {"common/associate", {"common/statistics"}},
-      {"common/calibration",
-       {"common/camera", "common/geometry", "common/status", "common/target", "common/time"}},
-      {"common/camera",
-       {"common/file", "common/geometry", "common/status", "common/text", "common/time"}},
-      {"common/command_line", {"common/options", "common/text"}},
-      {"common/config", {"common/options", "common/status", "common/text"}},
-      {"common/discovery", {"common/enrolment", "common/identity", "common/status", "common/text"}},
-      {"common/enrolment", {"common/identity", "common/status", "common/text"}},
-      {"common/export",
-       {"common/camera", "common/geometry", "common/status", "common/text", "common/time",
-        "common/wire"}},
-      {"common/failpoint", {}},
-      {"common/file", {"common/status"}},
-      {"common/geometry", {}},
-      {"common/identity", {"common/file", "common/status", "common/text"}},
-      {"common/import", {"common/camera", "common/geometry", "common/status", "common/text"}},
-      {"common/log", {"common/text"}},
-      {"common/options", {"common/status", "common/text"}},
-      {"common/origin",
-       {"common/calibration", "common/camera", "common/geometry", "common/status",
-        "common/triangulate"}},
-      {"common/scale", {"common/calibration", "common/status", "common/triangulate"}},
-      {"common/session", {"common/camera", "common/status", "common/target", "common/time"}},
-      {"common/simulation",
-       {"common/options", "common/simulation/events", "common/simulation/frames",
-        "common/simulation/world", "common/status"}},
-      {"common/simulation/events",
-       {"common/camera", "common/options", "common/simulation/frames", "common/simulation/world",
-        "common/status", "common/target"}},
-      {"common/simulation/frames",
-       {"common/camera", "common/options", "common/simulation/world", "common/status",
-        "common/target"}},
-      {"common/simulation/world",
-       {"common/camera", "common/geometry", "common/options", "common/status", "common/target"}},
-      {"common/statistics", {}},
-      {"common/status", {}},
-      {"common/target", {"common/options", "common/status", "common/text"}},
-      {"common/text", {}},
-      {"common/time", {}},
-      {"common/triangulate",
-       {"common/associate", "common/calibration", "common/camera", "common/geometry",
-        "common/statistics", "common/status", "common/target", "common/time"}},
-      {"common/wire",
-       {"common/calibration", "common/camera", "common/geometry", "common/identity",
-        "common/session", "common/status", "common/target", "common/text"}},
-      {"server/access", {"common/file", "common/identity", "common/status"}},
-      {"server/api", {"common/text", "server/access"}},
-      {"server/associate",
-       {"common/associate", "common/camera", "common/session", "common/statistics", "common/status",
-        "common/target", "common/time"}},
-      {"server/audit", {}},
-      {"server/care",
-       {"common/file", "common/status", "common/text", "server/identity", "server/rpc",
-        "server/store/sqlite"}},
-      {"server/http",
-       {"common/file", "common/identity", "common/status", "common/text", "server/access",
-        "server/api", "server/audit", "server/identity", "server/listen"}},
-      {"server/identity", {"common/file", "common/identity", "common/status", "common/text"}},
-      {"server/ingest",
-       {"common/camera", "common/failpoint", "common/session", "common/status", "server/store"}},
-      {"server/estimate",
-       {"common/camera", "common/session", "common/status", "server/jobs", "server/live",
-        "server/session", "server/store"}},
-      {"server/jobs",
-       {"common/calibration", "common/session", "common/status", "common/wire", "server/session",
-        "server/solve/running", "server/worker"}},
-      {"server/listen", {"common/file", "common/status", "server/access", "server/audit"}},
-      {"server/live",
-       {"common/camera", "common/geometry", "common/session", "common/statistics", "common/status",
-        "common/target", "common/time", "server/ingest", "server/session", "server/store"}},
-      {"server/metrics", {"common/session", "server/ingest", "server/session", "server/store"}},
-      {"server/monitor",
-       {"common/calibration", "common/statistics", "common/status", "server/audit", "server/live",
-        "server/session", "server/solve", "server/solve/evaluate", "server/store"}},
-      {"server/rpc",
-       {"common/export", "common/identity", "common/session", "common/status", "common/text",
-        "common/triangulate", "common/wire", "server/access", "server/api", "server/audit",
-        "server/identity", "server/ingest", "server/listen", "server/live", "server/session",
-        "server/solve/evaluate", "server/store"}},
-      {"server/session",
-       {"common/calibration", "common/file", "common/session", "common/status", "common/text",
-        "server/ingest", "server/solve", "server/store"}},
-      {"server/solve",
-       {"common/calibration", "common/camera", "common/origin", "common/scale", "common/statistics",
-        "common/status", "common/target", "common/time", "common/triangulate", "server/associate",
-        "server/solve/bundle", "server/solve/clocks", "server/solve/diagnose",
-        "server/solve/evaluate", "server/solve/rig", "server/solve/running"}},
-      {"server/solve/bundle", {"common/camera", "common/geometry", "common/status"}},
-      {"server/solve/clocks",
-       {"common/camera", "common/statistics", "common/status", "server/associate",
-        "server/solve/geometry", "server/solve/rig"}},
-      {"server/solve/diagnose",
-       {"common/calibration", "common/camera", "common/statistics", "common/status", "common/time",
-        "server/solve/bundle", "server/solve/clocks", "server/solve/evaluate",
-        "server/solve/geometry", "server/solve/initialize", "server/solve/rig"}},
-      {"server/solve/evaluate",
-       {"common/calibration", "common/camera", "common/geometry", "common/statistics",
-        "common/status", "server/solve/bundle", "server/solve/clocks", "server/solve/geometry",
-        "server/solve/initialize", "server/solve/rig", "server/solve/trajectory"}},
-      {"server/solve/geometry",
-       {"common/camera", "common/geometry", "common/statistics", "server/solve/bundle"}},
-      {"server/solve/initialize",
-       {"common/statistics", "common/status", "server/associate", "server/solve/bundle",
-        "server/solve/geometry"}},
-      {"server/solve/rig",
-       {"common/associate", "common/calibration", "common/camera", "common/geometry",
-        "common/statistics", "common/status", "common/target", "server/associate",
-        "server/solve/bundle", "server/solve/geometry", "server/solve/initialize",
-        "server/solve/trajectory"}},
-      {"server/solve/running",
-       {"common/camera", "common/geometry", "common/statistics", "common/status", "common/target",
-        "server/associate", "server/solve/bundle", "server/solve/clocks", "server/solve/evaluate",
-        "server/solve/rig"}},
-      {"server/solve/trajectory",
-       {"common/camera", "common/statistics", "common/status", "server/solve/bundle"}},
-      {"server/store", {"common/calibration", "common/session"}},
-      {"server/store/factory", {"server/store", "server/store/sqlite"}},
-      {"server/store/sqlite",
-       {"common/calibration", "common/file", "common/session", "common/status", "common/target",
-        "common/wire", "server/store"}},
-      {"server/worker/main.cc", {"common/command_line", "common/wire", "server/worker"}},
-      {"server/worker",
-       {"common/calibration", "common/session", "common/status", "common/wire", "server/solve",
-        "server/solve/running"}},
+      {"sessions and calibrations",
+       {"common/calibration", "common/enrolment", "common/import", "common/session",
+        "common/simulation/world"}},
+      {"messages, points in space, rendered frames",
+       {"common/discovery", "common/simulation/frames", "common/triangulate", "common/wire"}},
+      {"exports, frames of reference, rendered events",
+       {"common/export", "common/origin", "common/scale", "common/simulation/events"}},
+      {"simulated recordings", {"common/simulation"}},
+
+      // Each program by itself, from the bottom up.
+      {"agent: blobs, events, spooled rows", {"agent/detect/blobs", "agent/event", "agent/spool"}},
+      {"agent: wands, files", {"agent/event_files", "agent/identify", "agent/spool/disk"}},
+      {"agent: detectors", {"agent/detect/event", "agent/detect/frame"}},
+      {"agent: previews", {"agent/capture/preview"}},
+      {"agent: sources", {"agent/capture"}},
+      {"agent: kinds of source",
+       {"agent/capture/genicam", "agent/capture/learning", "agent/capture/metavision",
+        "agent/capture/recorded", "agent/capture/registry", "agent/capture/simulated",
+        "agent/stamp"}},
+      {"agent: the connection", {"agent/uplink"}},
+      {"agent: commands", {"agent/command"}},
+
+      {"server: who asks, what is stored, rows by time, bundle adjustment",
+       {"server/access", "server/associate", "server/audit", "server/identity", "server/store",
+        "server/solve/bundle"}},
+      {"server: ports, ingest, database",
+       {"server/api", "server/ingest", "server/listen", "server/solve/geometry",
+        "server/solve/trajectory", "server/store/sqlite"}},
+      {"server: pages, a start for the solve",
+       {"server/http", "server/solve/initialize", "server/store/factory"}},
+      {"server: a rig", {"server/solve/rig"}},
+      {"server: its clocks", {"server/solve/clocks"}},
+      {"server: how good it is", {"server/solve/evaluate"}},
+      {"server: what is wrong", {"server/solve/diagnose", "server/solve/running"}},
+      {"server: the solve", {"server/solve"}},
+      {"server: sessions, the solving process", {"server/session", "server/worker"}},
+      {"server: jobs, live state",
+       {"server/jobs", "server/live", "server/metrics", "server/worker/main.cc"}},
+      {"server: services", {"server/estimate", "server/monitor", "server/rpc"}},
+      {"server: care of the data", {"server/care"}},
+
+      {"client: connection, output", {"client/net", "client/output"}},
+      {"client: results", {"client/results", "client/tables"}},
+      {"client: commands", {"client/commands"}},
+      {"client: one PC", {"client/local"}},
+      {"client: watch", {"client/watch"}},
+      {"client: the program", {"client"}},
   };
-  return *kAllowed;
+  return *kLayers;
+}
+
+const std::vector<Island>& Islands() {
+  static const auto* const kIslands = new std::vector<Island>{
+      {{"agent/detect", "agent/identify", "agent/event"}, "finding a wand is known to no camera"},
+      {{"agent/spool"}, "rows are kept whatever they come from"},
+      {{"server/solve", "server/associate"}, "a solve can run elsewhere"},
+      {{"server/store"}, "a store knows sessions and calibrations only"},
+  };
+  return *kIslands;
 }
 
 namespace {
@@ -228,13 +97,33 @@ bool IsInside(std::string_view folder, std::string_view outer) {
           folder[outer.size()] == '/');
 }
 
-std::string LayerOf(std::string_view path) { return std::string(path.substr(0, path.find('/'))); }
+std::string ProgramOf(std::string_view path) { return std::string(path.substr(0, path.find('/'))); }
+
+bool IsInsideAny(std::string_view folder, const std::vector<std::string>& outers) {
+  return std::any_of(outers.begin(), outers.end(),
+                     [&](const std::string& outer) { return IsInside(folder, outer); });
+}
+
+std::optional<size_t> LayerNumber(const std::string& folder) {
+  for (size_t i = 0; i < Layers().size(); ++i) {
+    if (Layers()[i].folders.contains(folder)) return i;
+  }
+  return std::nullopt;
+}
+
+// Who turns messages into what the rest of the tree knows.
+const std::vector<std::string>& SeesMessages() {
+  static const auto* const kFolders = new std::vector<std::string>{
+      "agent/uplink", "client",     "common/export",       "common/wire",
+      "server/jobs",  "server/rpc", "server/store/sqlite", "server/worker"};
+  return *kFolders;
+}
 
 // An outside library, told by how its headers begin, and the folders that may see it.
 struct LibraryRule {
   std::string name;
   std::vector<std::string> prefixes;
-  std::set<std::string> folders;
+  std::vector<std::string> folders;
 };
 
 const std::vector<LibraryRule>& LibraryRules() {
@@ -279,8 +168,8 @@ bool StartsWith(std::string_view text, std::string_view prefix) {
 }
 
 bool IsProjectInclude(std::string_view include) {
-  for (const std::string_view layer : {"common/", "agent/", "server/", "client/", "tests/"}) {
-    if (StartsWith(include, layer)) return true;
+  for (const std::string_view program : {"common/", "agent/", "server/", "client/", "tests/"}) {
+    if (StartsWith(include, program)) return true;
   }
   return false;
 }
@@ -288,47 +177,32 @@ bool IsProjectInclude(std::string_view include) {
 std::string CheckProjectInclude(std::string_view file, std::string_view include) {
   const std::string from = FolderOf(file);
   const std::string to = FolderOf(include);
-  const std::string from_layer = LayerOf(file);
-  const std::string to_layer = LayerOf(include);
-  if (to_layer == "tests") return "the product does not include its tests";
-  if (to_layer != "common" && to_layer != from_layer) {
-    return from_layer + " never includes " + to_layer;
+  const std::string from_program = ProgramOf(file);
+  const std::string to_program = ProgramOf(include);
+  if (to_program == "tests") return "the product does not include its tests";
+  if (to_program != "common" && to_program != from_program) {
+    return from_program + " never includes " + to_program;
   }
-  if (from == to || from == from_layer + "/main.cc") return "";
-  const auto allowed = AllowedFolders().find(from);
-  if (allowed == AllowedFolders().end()) return "the folder " + from + " has no rule yet: add one";
-  if (!allowed->second.contains(to)) return from + " may not include " + to;
-  return "";
-}
-
-// Depth first; `path` leads to `folder`.
-std::string CycleFrom(const FolderGraph& graph, const std::string& folder,
-                      std::vector<std::string> path, std::set<std::string>* done) {
-  const auto before = std::find(path.begin(), path.end(), folder);
-  if (before != path.end()) {
-    std::string cycle;
-    for (auto step = before; step != path.end(); ++step) cycle += *step + " -> ";
-    return cycle + folder;
+  if (from == to || from == from_program + "/main.cc") return "";
+  if (to == "common/wire" && !IsInsideAny(from, SeesMessages())) {
+    return from + " may not include common/wire: it knows no messages";
   }
-  if (!done->insert(folder).second) return "";
-  path.push_back(folder);
-  const auto edges = graph.find(folder);
-  if (edges == graph.end()) return "";
-  for (const std::string& next : edges->second) {
-    if (std::string cycle = CycleFrom(graph, next, path, done); !cycle.empty()) return cycle;
+  for (const Island& island : Islands()) {
+    if (IsInsideAny(from, island.folders) && to_program != "common" &&
+        !IsInsideAny(to, island.folders)) {
+      return from + " may not include " + to + ": " + island.why;
+    }
   }
-  return "";
+  const std::optional<size_t> from_layer = LayerNumber(from);
+  const std::optional<size_t> to_layer = LayerNumber(to);
+  if (!from_layer) return "the folder " + from + " has no layer yet: add it to one";
+  if (!to_layer) return "the folder " + to + " has no layer yet: add it to one";
+  if (*to_layer < *from_layer) return "";
+  return from + " may not include " + to + ", which is not below it (" + Layers()[*to_layer].name +
+         ")";
 }
 
 }  // namespace
-
-std::string CycleOf(const FolderGraph& graph) {
-  std::set<std::string> done;
-  for (const auto& [folder, edges] : graph) {
-    if (std::string cycle = CycleFrom(graph, folder, {}, &done); !cycle.empty()) return cycle;
-  }
-  return "";
-}
 
 std::string ForbiddenBecause(std::string_view file, std::string_view include) {
   if (IsProjectInclude(include)) return CheckProjectInclude(file, include);
@@ -337,10 +211,7 @@ std::string ForbiddenBecause(std::string_view file, std::string_view include) {
     const bool matches =
         std::any_of(rule.prefixes.begin(), rule.prefixes.end(),
                     [&](const std::string& prefix) { return StartsWith(include, prefix); });
-    const bool allowed =
-        std::any_of(rule.folders.begin(), rule.folders.end(),
-                    [&](const std::string& outer) { return IsInside(folder, outer); });
-    if (matches && !allowed) return folder + " may not see " + rule.name;
+    if (matches && !IsInsideAny(folder, rule.folders)) return folder + " may not see " + rule.name;
   }
   const bool pure = IsInside(folder, "server/solve") || IsInside(folder, "server/associate");
   for (const std::string_view header : {"fstream", "filesystem", "cstdio", "stdio.h"}) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <map>
 #include <set>
 #include <string>
 #include <string_view>
@@ -14,15 +13,21 @@ namespace rigcal::testing {
 // else the rule that forbids it.
 std::string ForbiddenBecause(std::string_view file, std::string_view include);
 
-// Folders and those they may include.
-using FolderGraph = std::map<std::string, std::set<std::string>>;
+// Folders that do not include each other, and may include all folders of the layers before theirs
+// that are of common or of their own program. A program's main.cc may include everything of its
+// program and of common.
+struct Layer {
+  std::string name;
+  std::set<std::string> folders;
+};
+const std::vector<Layer>& Layers();
 
-// The folders of the product and those they may include besides themselves. A program's main.cc may
-// include everything of its own layer and of common.
-const FolderGraph& AllowedFolders();
-
-// "a -> b -> a"; empty: the graph has no cycle.
-std::string CycleOf(const FolderGraph& graph);
+// Folders, with those in them, that see nothing of their program but each other.
+struct Island {
+  std::vector<std::string> folders;
+  std::string why;
+};
+const std::vector<Island>& Islands();
 
 // What a source text includes, in order.
 std::vector<std::string> IncludesOf(std::string_view text);

@@ -32,7 +32,7 @@ struct RigSolution {
   // those of its optimum, and `built` is only placed by them. Null: `built` was solved.
   std::shared_ptr<const TrajectoryFit> trajectory;
 
-  // What `built` cannot be made again from, while it is put away.
+  // State that is needed to rebuild `built` after it was released.
   struct PutAway {
     std::vector<bool> used;                   // by marker
     std::vector<Eigen::Vector2d> centres_px;  // by marker; empty where they are as observed

@@ -77,6 +77,9 @@ function(rigcal_tests folder)
     rigcal_time_limit(limit 120)
     set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${limit} ENVIRONMENT "OMP_THREAD_LIMIT=1"
       SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
+    if("${folder}/${test}" IN_LIST RIGCAL_SLOW_TESTS)
+      set_tests_properties(${folder}/${test} PROPERTIES LABELS slow)
+    endif()
   endforeach()
 endfunction()
 

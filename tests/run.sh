@@ -2,11 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs what is missing, builds everything and runs every test. Lists what was skipped, and why.
 #   tests/run.sh [CTEST OPTIONS]      e.g. tests/run.sh -R server/solve
+#   tests/run.sh --quick              single folders only: no processes, no rendering, no long solves
 #   RIGCAL_PRESET=asan tests/run.sh   another preset of CMakePresets.json (default: test)
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 preset=${RIGCAL_PRESET:-test}
 jobs=$(nproc)
+
+if [ "${1:-}" = --quick ]; then
+  shift
+  whole_programs='^(accuracy|bench|cases|client/dashboard|fuzz|golden|integration|second_renderer)/'
+  set -- -E "$whole_programs" -LE slow "$@"
+fi
 
 "$root/deploy/install-deps.sh"
 cd "$root"

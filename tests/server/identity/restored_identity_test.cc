@@ -105,7 +105,7 @@ TEST_F(RestoredIdentity, LetsNobodyInAgain) {
   const std::string request = *MakeCertificateRequest(*MakePrivateKey(), "pc-x", Role::kAgent);
   EXPECT_THAT(authority_->Enrol(used, request),
               StatusIs(absl::StatusCode::kPermissionDenied,
-                       HasSubstr("was already used, at 2026-11-18T11:06:40Z by "
+                       HasSubstr("was already used, at 2026-11-18T12:06:40Z by "
                                  "rigcal://agents/pc-later")));
   EXPECT_THAT(authority_->Enrol(made_later, request),
               StatusIs(absl::StatusCode::kPermissionDenied,

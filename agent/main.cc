@@ -180,8 +180,10 @@ absl::StatusOr<std::unique_ptr<ObservationSpool>> MakeSpool(const AgentConfig& c
 // The exit code of an agent that has ended.
 int Conclude(const LeftBehind& left, const std::string& folder) {
   if (left.row_count == 0) return kExitOk;
-  spdlog::warn("{} observations of {} are not delivered; {}", left.row_count,
-               absl::StrJoin(left.cameras, ", "),
+  const bool one = left.row_count == 1;
+  spdlog::warn("{} {} of {} {} not delivered; {}", left.row_count,
+               one ? "observation" : "observations", absl::StrJoin(left.cameras, ", "),
+               one ? "is" : "are",
                folder.empty()
                    ? std::string("they were in memory only and are lost")
                    : absl::StrCat("they are in ", folder, " and are delivered at the next start"));

@@ -19,6 +19,7 @@
 #include "agent/command/subcommands.h"
 #include "agent/detect/frame/annotated_image.h"
 #include "agent/event_files/event_file_writer.h"
+#include "common/file/may_write.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -31,6 +32,7 @@ struct DetectFlags {
   FrameInput input;
   std::string target;
   std::string out;
+  bool force = false;
   std::string annotate;
   bool no_tracking = false;
   uint64_t frames = 0;
@@ -40,9 +42,13 @@ struct DetectFlags {
 // Where annotated images go: one file for one image, or a folder.
 class Annotations {
  public:
-  static absl::StatusOr<Annotations> Create(const std::string& path) {
-    Annotations annotations(path);
-    if (path.empty() || IsImageName(path)) return annotations;
+  static absl::StatusOr<Annotations> Create(const std::string& path, bool force) {
+    Annotations annotations(path, force);
+    if (path.empty()) return annotations;
+    if (IsImageName(path)) {
+      RIGCAL_RETURN_IF_ERROR(CheckOutputFile(path, force, "--annotate"));
+      return annotations;
+    }
     std::error_code error;
     fs::create_directories(path, error);
     if (!error) return annotations;
@@ -61,6 +67,7 @@ class Annotations {
         is_file ? fs::path(path_)
                 : fs::path(path_) / absl::StrFormat("%06d_%019d.png", count_, frame.time_ns);
     ++count_;
+    RIGCAL_RETURN_IF_ERROR(CheckOutputFile(path, force_, "--annotate"));
     try {
       if (cv::imwrite(path.string(), Annotate(frame.image, source.last_detection(),
                                               source.last_window(), source.last_blobs()))) {
@@ -72,8 +79,9 @@ class Annotations {
   }
 
  private:
-  explicit Annotations(std::string path) : path_(std::move(path)) {}
+  Annotations(std::string path, bool force) : path_(std::move(path)), force_(force) {}
   std::string path_;
+  bool force_;
   int count_ = 0;
 };
 
@@ -159,6 +167,7 @@ absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, uint
 absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
   RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
+  if (!flags.out.empty()) RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
   if (flags.no_tracking) spec->detecting.detector.tracking = false;
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> frames, spec->Make());
@@ -166,7 +175,8 @@ absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   const TimedFrameSource& timed_frames = *timed;
   RIGCAL_ASSIGN_OR_RETURN(const auto source,
                           DetectingObservationSource::Create(std::move(timed), spec->detecting));
-  RIGCAL_ASSIGN_OR_RETURN(Annotations annotations, Annotations::Create(flags.annotate));
+  RIGCAL_ASSIGN_OR_RETURN(Annotations annotations,
+                          Annotations::Create(flags.annotate, flags.force));
   std::optional<OutputFile> csv;
   if (!flags.out.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(csv, OutputFile::Create(flags.out));
@@ -187,7 +197,7 @@ void AddDetectCommand(CLI::App& app, Subcommands* all) {
       all->Add(app, "detect", "Finds the wand in an image, a folder or a video", &Detect);
   AddFrameInput(command, &flags.input);
   command.add_option("--target", flags.target, "wand:0,0.13,0.39;diameter=0.04;hz=500")->required();
-  AddOutputOption(command, &flags.out,
+  AddOutputOption(command, &flags.out, &flags.force,
                   "CSV for csv: (timestamp_ns;x0;y0;..., -1 = not seen), a line per frame");
   command.add_option("--annotate", flags.annotate,
                      "Folder for images with the detections drawn in; FILE.png for a single one");

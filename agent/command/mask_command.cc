@@ -8,6 +8,7 @@
 #include "agent/capture/static_mask.h"
 #include "agent/command/frame_input.h"
 #include "agent/command/subcommands.h"
+#include "common/file/may_write.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -17,6 +18,7 @@ namespace {
 struct MaskFlags {
   FrameInput input;
   std::string out;
+  bool force = false;
   std::string target = "wand:0,0.13,0.39";
   uint64_t frames = 100;
   std::string format = "table";
@@ -25,6 +27,7 @@ struct MaskFlags {
 absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
   RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
+  RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec->Make());
   RIGCAL_ASSIGN_OR_RETURN(StaticMaskLearner learner,
@@ -63,7 +66,8 @@ void AddMaskCommand(CLI::App& app, Subcommands* all) {
   const auto [command, flags] =
       all->Add(app, "mask", "Learns static bright spots for the detector to ignore", &LearnMask);
   AddFrameInput(command, &flags.input);
-  AddOutputOption(command, &flags.out, "Image of the camera's size, white where to ignore")
+  AddOutputOption(command, &flags.out, &flags.force,
+                  "Image of the camera's size, white where to ignore")
       ->required();
   command.add_option("--target", flags.target, "Target of a simulated camera");
   command.add_option("--pictures", flags.frames, "Frames to use at most; 0: all [100]");

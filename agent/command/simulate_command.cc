@@ -13,6 +13,7 @@
 #include "agent/event/evt3_writer.h"
 #include "agent/event_files/event_file_writer.h"
 #include "common/camera/camera_export.h"
+#include "common/file/may_write.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -25,6 +26,7 @@ constexpr int64_t kOverflowUs = int64_t{1} << 24;
 struct SimulateFlags {
   std::string source;
   std::string out;
+  bool force = false;
   std::string target = "wand:0,0.13,0.39;diameter=0.04;hz=500";
   double truth_hz = 200;
 };
@@ -72,6 +74,9 @@ absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
   std::filesystem::path truth_path = raw_path, calibration_path = raw_path;
   truth_path.replace_extension(".csv");
   calibration_path.replace_extension(".yaml");
+  for (const std::filesystem::path& path : {raw_path, truth_path, calibration_path}) {
+    RIGCAL_RETURN_IF_ERROR(CheckOutputFile(path, flags.force));
+  }
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
   RIGCAL_ASSIGN_OR_RETURN(const SimulatedEventSourceOptions options, OptionsOf(flags.source));
   RIGCAL_ASSIGN_OR_RETURN(const auto source, SimulatedEventSource::Create(options));
@@ -119,7 +124,7 @@ void AddSimulateCommand(CLI::App& app, Subcommands* all) {
       "Writes the events of a simulated event camera as a RAW file, with ground truth", &Simulate);
   command.add_option("source", flags.source, "A simulated event camera, as for --source")
       ->required();
-  AddOutputOption(command, &flags.out,
+  AddOutputOption(command, &flags.out, &flags.force,
                   "RAW file (EVT 3.0); ground truth is written beside it as .csv, the calibration "
                   "as .yaml")
       ->required();

@@ -9,8 +9,10 @@ CLI::Option* AddFormatOption(CLI::App& command, std::string* format, const std::
       ->check(CLI::IsMember({"table", "json"}).description(""));
 }
 
-CLI::Option* AddOutputOption(CLI::App& command, std::string* path, const std::string& what) {
+CLI::Option* AddOutputOption(CLI::App& command, std::string* path, bool* force,
+                             const std::string& what) {
   AddFormerOption(&command, "--out", "--output");
+  command.add_flag("--force", *force, "Replace files that exist; without it they stay");
   return command.add_option("--output", *path, what)
       ->type_name("FILE")
       ->check([](const std::string& value) -> std::string {

@@ -52,9 +52,10 @@ class Subcommands {
   std::function<absl::Status()> chosen_;
 };
 
-// Options that several commands share: what they print, and the file that they write.
+// Options that several commands share: what they print, and the file that they write, with --force.
 CLI::Option* AddFormatOption(CLI::App& command, std::string* format, const std::string& what);
-CLI::Option* AddOutputOption(CLI::App& command, std::string* path, const std::string& what);
+CLI::Option* AddOutputOption(CLI::App& command, std::string* path, bool* force,
+                             const std::string& what);
 
 void AddConvertCommand(CLI::App& app, Subcommands* all);
 void AddDetectCommand(CLI::App& app, Subcommands* all);

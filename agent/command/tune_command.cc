@@ -11,6 +11,7 @@
 #include "agent/command/subcommands.h"
 #include "agent/detect/frame/colour_tuning.h"
 #include "common/file/durable_file.h"
+#include "common/file/may_write.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -21,6 +22,7 @@ struct TuneFlags {
   FrameInput input;
   std::string target;
   std::string out;
+  bool force = false;
   uint64_t frames = 50;
   std::string format = "table";
 };
@@ -73,6 +75,7 @@ std::string TunedJson(const TunedColour& tuned) {
 }
 
 absl::Status Tune(const TuneFlags& flags, std::ostream& out) {
+  if (!flags.out.empty()) RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
   RIGCAL_ASSIGN_OR_RETURN(const TunedColour tuned, LearnColour(flags));
   const std::string snippet = Snippet(tuned.colour);
   if (!flags.out.empty()) RIGCAL_RETURN_IF_ERROR(WriteOutputFile(flags.out, snippet));
@@ -95,7 +98,8 @@ void AddTuneCommand(CLI::App& app, Subcommands* all) {
       all->Add(app, "tune", "Learns the wand's colour from frames that show it", &Tune);
   AddFrameInput(command, &flags.input);
   command.add_option("--target", flags.target, "wand:0,0.13,0.39;diameter=0.04;hz=500")->required();
-  AddOutputOption(command, &flags.out, "File for the TOML to paste into a configuration");
+  AddOutputOption(command, &flags.out, &flags.force,
+                  "File for the TOML to paste into a configuration");
   command.add_option("--pictures", flags.frames, "Frames to use at most; 0: all [50]");
   AddFormatOption(command, &flags.format, "table (TOML to paste) or json [table]");
   command.footer(

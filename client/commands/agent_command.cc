@@ -58,8 +58,9 @@ std::string FormatSpoolFaults(const v1::ListAgentsResponse& response) {
       absl::StrAppend(&text, "agent ", agent.agent_id(), ": ", spool.problem(), "\n");
     }
     for (const v1::RefusalCount& refusal : spool.dropped()) {
-      absl::StrAppend(&text, "agent ", agent.agent_id(), ": ", refusal.count(),
-                      " observations dropped: ", EnumWord(refusal.reason()), "\n");
+      absl::StrAppend(&text, "agent ", agent.agent_id(), ": ",
+                      FormatCount(refusal.count(), "observation"),
+                      " dropped: ", EnumWord(refusal.reason()), "\n");
     }
   }
   return text.empty() ? "" : absl::StrCat("\n", text);
@@ -143,7 +144,7 @@ ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& conte
   if (!preview.ok()) return context.Fail(preview.status());
   // The server has checked the name: it is no path.
   const std::string file = options.file.empty() ? preview->info().camera() + ".jpg" : options.file;
-  if (const absl::Status free = CheckMayWrite(file, options.force); !free.ok()) {
+  if (const absl::Status free = CheckOutputFile(file, options.force); !free.ok()) {
     return context.Fail(free);
   }
   if (const absl::Status status = WriteOutputFile(file, preview->jpeg()); !status.ok()) {

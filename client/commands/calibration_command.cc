@@ -171,7 +171,7 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
 }
 
 ExitCode ConvertCalibration(const CalibrationImportOptions& options, CommandContext& context) {
-  absl::StatusOr<CalibrationImport> imported = ImportCalibration(options.path);
+  absl::StatusOr<CalibrationImport> imported = ImportCalibration(options.path, options.units);
   if (!imported.ok()) return context.Fail(imported.status());
   for (const std::string& message : imported->Messages()) {
     context.console.Message(absl::StrCat(options.path, ": ", message));
@@ -229,10 +229,10 @@ absl::StatusOr<v1::Vector3> ParsePoint(const std::string& text) {
 // The parts of the error, the one that no choice of a frame can change first.
 std::string FormatErrorParts(const v1::GetAccuracyResponse& accuracy) {
   if (accuracy.calibration_p95_m() <= 0) return "";
-  return absl::StrCat("calibration alone  ", Millimetres(accuracy.calibration_rms_m()),
+  return absl::StrCat("shape of the rig   ", Millimetres(accuracy.calibration_rms_m()),
                       " mm (exact centres, after the best alignment, at the right scale); ",
                       Millimetres(accuracy.calibration_p95_m()),
-                      " mm or less in 95 % of the points\n", "scale              ",
+                      " mm or less in 95 % of the points below\n", "scale              ",
                       FormatFixed(100 * accuracy.scale_sigma_rel(), 3), " % of every length\n",
                       "rig frame          ", Millimetres(accuracy.frame_rms_m()),
                       " mm (all points move together with the reference camera's own pose)\n",
@@ -240,9 +240,13 @@ std::string FormatErrorParts(const v1::GetAccuracyResponse& accuracy) {
                       " mm (centres good to ", FormatFixed(accuracy.sigma_px(), 2), " px)\n\n");
 }
 
-std::string FormatAccuracy(const v1::GetAccuracyResponse& accuracy) {
-  std::string text = absl::StrCat("Parts of the error of triangulated points, one sigma\n",
-                                  FormatErrorParts(accuracy));
+// The headline is that of the calibration: this command's own points are others.
+std::string FormatAccuracy(const v1::GetAccuracyResponse& accuracy,
+                           const v1::Calibration& calibration) {
+  std::string text = FormatHeadlineFigures(calibration);
+  if (!text.empty()) text += "\n";
+  absl::StrAppend(&text, "Parts of the error of triangulated points, one sigma\n",
+                  FormatErrorParts(accuracy));
   absl::StrAppend(&text, "In the frame of the reference camera, with centres good to ",
                   FormatFixed(accuracy.sigma_px(), 2), " px\n");
   if (accuracy.points_size() > 0) absl::StrAppend(&text, FormatPoints(accuracy), "\n");
@@ -273,8 +277,12 @@ ExitCode ShowAccuracy(const AccuracyCommandOptions& options, CommandContext& con
     *request.add_points_m() = *point;
   }
   ServerConnection server(context.server);
-  return context.Show(server.Call(&CalibrationStub::GetAccuracy, request, kAccuracyTimeout),
-                      FormatAccuracy);
+  const auto accuracy = server.Call(&CalibrationStub::GetAccuracy, request, kAccuracyTimeout);
+  const auto calibration = accuracy.ok() ? FetchCalibration(server, options.id)
+                                         : absl::StatusOr<v1::Calibration>(v1::Calibration());
+  return context.Show(accuracy, [&](const v1::GetAccuracyResponse& response) {
+    return FormatAccuracy(response, calibration.ok() ? *calibration : v1::Calibration());
+  });
 }
 
 ExitCode ExplainCalibration(const std::string& id, CommandContext& context) {
@@ -290,7 +298,12 @@ ExitCode ShowResiduals(const ResidualCommandOptions& options, CommandContext& co
   request.set_id(options.id);
   request.set_camera(options.camera);
   ServerConnection server(context.server);
-  return context.Show(server.Call(&CalibrationStub::GetResiduals, request), FormatResiduals);
+  const auto residuals = server.Call(&CalibrationStub::GetResiduals, request);
+  const auto calibration = residuals.ok() ? FetchCalibration(server, options.id)
+                                          : absl::StatusOr<v1::Calibration>(v1::Calibration());
+  return context.Show(residuals, [&](const v1::GetResidualsResponse& response) {
+    return FormatResiduals(response, calibration.ok() ? *calibration : v1::Calibration());
+  });
 }
 
 }  // namespace rigcal::client

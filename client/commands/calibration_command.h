@@ -18,7 +18,7 @@ struct CalibrationExportOptions {
   std::string output;        // folder, made where missing; "-" (JSON only): standard output
   bool undistorted = false;  // for images without lens distortion
   ExportOptions options;
-  bool force = false;        // replace files that are there
+  bool force = false;  // replace files that are there
 };
 
 struct CalibrationImportOptions {
@@ -28,6 +28,7 @@ struct CalibrationImportOptions {
   bool undistorted = false;
   ExportOptions options;
   bool force = false;  // replace files that are there
+  std::string units;  // of the file's lengths, a name of LengthUnits; empty: as its format has them
 };
 
 // Ids, or paths of other programs' files (client/results/calibration_import.h).
@@ -65,7 +66,8 @@ struct AccuracyCommandOptions {
 absl::StatusOr<rigcal::v1::Vector3> ParsePoint(const std::string& text);
 
 // The points asked for, and a summary over them and the grid, in millimetres.
-std::string FormatAccuracy(const rigcal::v1::GetAccuracyResponse& accuracy);
+std::string FormatAccuracy(const rigcal::v1::GetAccuracyResponse& accuracy,
+                           const rigcal::v1::Calibration& calibration);
 
 // `rigcal calibration accuracy`: prints the expected triangulation error. Returns the exit code.
 ExitCode ShowAccuracy(const AccuracyCommandOptions& options, CommandContext& context);

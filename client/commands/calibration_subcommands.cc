@@ -13,6 +13,7 @@
 #include "client/commands/rig_command.h"
 #include "client/commands/scale_command.h"
 #include "client/results/calibration_export.h"
+#include "client/results/import_units.h"
 
 namespace rigcal::client {
 namespace {
@@ -181,6 +182,9 @@ void AddImport(CommandParser& parser, CLI::App* group) {
   AddOption(app, "--output", "DIR", &options->output, "Folder to write into, made where missing")
       ->required();
   AddForceOption(app, &options->force);
+  AddOption(app, "--units", absl::StrJoin(LengthUnitNames(), "|"), &options->units,
+            "Unit of the lengths in the file; without it as its format has them, metres for most")
+      ->check(CLI::IsMember(LengthUnitNames()).description(""));
   app->add_flag("--undistorted", options->undistorted, kUndistortedHelp);
   AddExportOptions(app, &options->options);
 }
@@ -255,6 +259,7 @@ void AddEvaluate(CommandParser& parser) {
   AddOption(app, "--longest-gap", "S", &options->evaluation.longest_gap_s,
             "Gaps up to this are interpolated, seconds (default 0.1)");
   AddOption(app, "--plot", "FILE", &options->plot, "Write the errors over time as SVG");
+  AddForceOption(app, &options->force);
 }
 
 }  // namespace

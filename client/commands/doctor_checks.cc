@@ -53,7 +53,7 @@ Check CheckIngest(const v1::IngestStatus& ingest) {
             "the disk is slower than the cameras; agents wait and lose nothing"};
   }
   const std::string counts =
-      absl::StrCat(ingest.stored_observation_count(), " observations stored, ",
+      absl::StrCat(FormatCount(ingest.stored_observation_count(), "observation"), " stored, ",
                    ingest.refused_observation_count(), " refused since the start");
   if (ingest.refused_observation_count() == 0) return {CheckLevel::kOk, "ingest", counts};
   return {CheckLevel::kWarn, "ingest", counts,

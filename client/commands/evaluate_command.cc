@@ -2,10 +2,15 @@
 #include "client/commands/evaluate_command.h"
 
 #include "common/file/durable_file.h"
+#include "common/file/may_write.h"
 
 namespace rigcal::client {
 
 ExitCode Evaluate(const EvaluateCommandOptions& options, CommandContext& context) {
+  if (!options.plot.empty()) {
+    const absl::Status free = CheckOutputFile(options.plot, options.force, "--plot");
+    if (!free.ok()) return context.Fail(free);
+  }
   const absl::StatusOr<Trajectories> estimate = ReadTrajectories(options.estimate);
   if (!estimate.ok()) return context.Fail(estimate.status());
   const absl::StatusOr<Trajectories> truth = ReadTrajectories(options.ground_truth);

@@ -12,6 +12,7 @@ struct EvaluateCommandOptions {
   std::string estimate;      // CSV of positions in the rig frame
   std::string ground_truth;  // CSV of measured positions, in any frame
   std::string plot;          // SVG to write; empty: none
+  bool force = false;        // replace it
   TrajectoryEvaluationOptions evaluation;
   bool keep_time = false;
 };

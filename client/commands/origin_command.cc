@@ -99,7 +99,7 @@ absl::StatusOr<std::vector<MarkerViews>> MeasureFolder(const CalibrationResult& 
 absl::StatusOr<OriginReport> WriteOrigin(const std::string& which,
                                          const OriginCommandOptions& options, OriginRequest request,
                                          CommandContext& context) {
-  RIGCAL_RETURN_IF_ERROR(CheckMayWrite(options.target.output, options.target.force));
+  RIGCAL_RETURN_IF_ERROR(CheckOutputFile(options.target.output, options.target.force));
   RIGCAL_ASSIGN_OR_RETURN(CalibrationFile file, FetchCalibrationFile(which, context));
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
   std::vector<MarkerViews> measured;

@@ -18,6 +18,7 @@
 #include "common/file/durable_file.h"
 #include "common/file/may_write.h"
 #include "common/scale/solve_scale.h"
+#include "common/scale/unit_ratio.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
 #include "rigcal/v1/session_service.grpc.pb.h"
@@ -112,7 +113,7 @@ absl::StatusOr<ScaleRequest> WithFolder(const CalibrationResult& calibration,
 
 absl::StatusOr<ScaleReport> WriteScale(const std::string& which, const ScaleCommandOptions& options,
                                        CommandContext& context) {
-  RIGCAL_RETURN_IF_ERROR(CheckMayWrite(options.target.output, options.target.force));
+  RIGCAL_RETURN_IF_ERROR(CheckOutputFile(options.target.output, options.target.force));
   RIGCAL_ASSIGN_OR_RETURN(CalibrationFile file, FetchCalibrationFile(which, context));
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult calibration, ResultOf(file));
   RIGCAL_ASSIGN_OR_RETURN(const ScaleRequest request,
@@ -125,6 +126,19 @@ absl::StatusOr<ScaleReport> WriteScale(const std::string& which, const ScaleComm
   RIGCAL_RETURN_IF_ERROR(WriteOutputFile(options.target.output, CalibrationText(file)));
   report.output = options.target.output;
   return report;
+}
+
+// Nothing contradicts a single length, and nobody's calibration is a thousand times too small.
+void WarnOfUnits(const ScaleReport& report, CommandContext& context) {
+  const double factor = report.fusion.factor;
+  if (report.output.empty()) return;
+  if (const std::string unit = UnitOfRatio(factor, 0.1); !unit.empty()) {
+    context.console.Message(absl::StrCat("every length became ", DescribeRatio(factor),
+                                         ": is what was given in ", unit, "? Give metres"));
+  } else if (const std::string other = UnitOfRatio(1 / factor, 0.1); !other.empty()) {
+    context.console.Message(absl::StrCat("every length became ", DescribeRatio(factor), ": ",
+                                         report.calibration, " was in ", other, ", it seems"));
+  }
 }
 
 absl::StatusOr<v1::CreateCalibrationRequest> ServerScaleRequest(const std::string& which,
@@ -162,6 +176,7 @@ ExitCode FuseScale(const ScaleCommandOptions& options, CommandContext& context) 
   }
   const absl::StatusOr<ScaleReport> report = WriteScale(*which, options, context);
   const ExitCode code = context.Show(report, FormatScale);
+  if (report.ok()) WarnOfUnits(*report, context);
   if (code != ExitCode::kOk || !report->output.empty()) return code;
   return context.Fail(absl::FailedPreconditionError(
       absl::StrCat(DisagreementOf(report->fusion), "; nothing was written")));

@@ -26,7 +26,7 @@ namespace {
 absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandOptions& options,
                                                        CommandContext& context) {
   if (options.output != "-") {
-    RIGCAL_RETURN_IF_ERROR(CheckMayWrite(options.output, options.force));
+    RIGCAL_RETURN_IF_ERROR(CheckOutputFile(options.output, options.force));
   }
   if (std::error_code error; !std::filesystem::is_directory(options.data, error)) {
     return absl::NotFoundError(absl::StrCat(

@@ -107,8 +107,8 @@ ExitCode TriangulateLines(const TriangulateCommandOptions& options, std::istream
       server.Exchange(&v1::TriangulationService::Stub::Triangulate, next, each);
   if (!status.ok()) return context.Fail(status);
   context.console.Message(absl::StrCat(
-      FormatCount(counts.points(), "point"), "; no point: ", counts.alone(),
-      " markers that one camera saw, ", counts.no_ray(), " with parallel rays, ", counts.disagree(),
+      FormatCount(counts.points(), "point"), "; no point: ", FormatCount(counts.alone(), "marker"),
+      " that one camera saw, ", counts.no_ray(), " with parallel rays, ", counts.disagree(),
       " whose cameras do not agree; left out: ", FormatCount(counts.left_out(), "centre"), ", ",
       FormatCount(counts.late_rows(), "late row"), ", ",
       FormatCount(unreadable, "unreadable line")));

@@ -5,12 +5,14 @@
 #include <set>
 #include <system_error>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/import/intrinsics_file.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
+#include "common/target/csv_layout.h"
 
 namespace rigcal::client {
 namespace {
@@ -27,7 +29,7 @@ struct Listing {
 };
 
 bool IsEventFile(const fs::path& file) {
-  const std::string extension = file.extension().string();
+  const std::string extension = absl::AsciiStrToLower(file.extension().string());
   return extension == ".raw" || extension == ".h5" || extension == ".hdf5";
 }
 
@@ -47,7 +49,7 @@ absl::StatusOr<Listing> List(const fs::path& folder) {
     const std::string stem = file.stem().string();
     // Hidden files are left by editors and file systems ("._left.csv").
     if (stem.empty() || stem.front() == '.') continue;
-    if (file.extension() == ".csv" || IsEventFile(file)) {
+    if (absl::AsciiStrToLower(file.extension().string()) == ".csv" || IsEventFile(file)) {
       listing.recordings[stem].insert(file.filename().string());
     }
     if (file.extension() == ".yaml") listing.yaml.insert(stem);
@@ -70,6 +72,10 @@ void CheckCamera(const RecordedCamera& camera, FaultList* faults) {
                 " is there, but ", yaml, " with its intrinsics is missing");
   } else if (const auto intrinsics = ReadIntrinsicsFile(yaml, camera.camera); !intrinsics.ok()) {
     faults->Add("camera ", camera.camera, ": ", std::string(intrinsics.status().message()));
+  }
+  if (camera.events) return;
+  if (const auto layout = FindCsvLayoutOfFile(camera.recording.string()); !layout.ok()) {
+    faults->Add("camera ", camera.camera, ": ", std::string(layout.status().message()));
   }
 }
 

@@ -53,6 +53,9 @@ absl::StatusOr<CalibrationFile> ParseCalibrationJson(const std::string& what,
   const auto parsed = google::protobuf::util::JsonStringToMessage(json, &file.calibration, options);
   if (!parsed.ok()) return NoCalibration(what, std::string(parsed.message()));
   if (file.calibration.cameras().empty()) return NoCalibration(what, "it has no cameras");
+  if (file.calibration.state() == v1::Calibration::STATE_UNSPECIFIED) {
+    return NoCalibration(what, "it has no field state");
+  }
   const auto object = ParseJson<nlohmann::json>(json);
   if (!object.is_object() || !object.contains(kCovarianceField)) return file;
   for (const auto& value : object[kCovarianceField]) {
@@ -74,7 +77,8 @@ std::string OwnCalibrationPath(const std::string& path) {
   // so that the message says how ours looks.
   const auto text = TextOf(file);
   const auto json = text.ok() ? ParseJson<nlohmann::json>(*text) : nlohmann::json();
-  const bool other = json.is_object() && !json.contains("cameras") && !json.empty();
+  const bool other = json.is_object() && !json.empty() &&
+                     !(json.contains("cameras") && json["cameras"].is_array());
   return other ? "" : file.string();
 }
 

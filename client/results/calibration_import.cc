@@ -5,18 +5,29 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/results/calibration_file.h"
+#include "client/results/import_units.h"
 #include "common/import/import_readers.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
 
 namespace rigcal::client {
 
-absl::StatusOr<CalibrationImport> ImportCalibration(const std::string& path) {
+absl::StatusOr<CalibrationImport> ImportCalibration(const std::string& path,
+                                                    const std::string& units) {
   if (const std::string own = OwnCalibrationPath(path); !own.empty()) {
+    if (!units.empty() && units != "m") {
+      return absl::InvalidArgumentError(
+          absl::StrCat(own,
+                       ": is a calibration of rigcal, which has metres; leave --units out, or give "
+                       "the file that it was made of"));
+    }
     RIGCAL_ASSIGN_OR_RETURN(CalibrationFile file, ReadCalibration(own));
     return CalibrationImport{std::move(file.calibration), std::move(file.notes)};
   }
   RIGCAL_ASSIGN_OR_RETURN(ImportedRig rig, ReadCalibrationFile(path));
+  if (const std::string doubt = ApplyUnits(path, units, &rig); !doubt.empty()) {
+    rig.doubts.push_back(doubt);
+  }
   std::sort(rig.cameras.begin(), rig.cameras.end(),
             [](const ImportedCamera& a, const ImportedCamera& b) { return a.name < b.name; });
   CalibrationImport result;

@@ -27,7 +27,10 @@ struct CalibrationImport {
 };
 
 // NOT_FOUND: no such file or folder. INVALID_ARGUMENT: it cannot be read, with file and line.
-absl::StatusOr<CalibrationImport> ImportCalibration(const std::string& path);
+// `units`: a name of LengthUnitNames; empty: as the format has them, with a doubt where they cannot
+// be metres.
+absl::StatusOr<CalibrationImport> ImportCalibration(const std::string& path,
+                                                    const std::string& units = "");
 
 // INVALID_ARGUMENT: it has lenses alone, where poses are needed.
 absl::Status CheckHasPoses(const std::string& path, const CalibrationImport& imported);

@@ -8,8 +8,10 @@
 #include <system_error>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "client/output/quantities.h"
 #include "common/status/status_macros.h"
 #include "common/target/csv_line.h"
 #include "common/text/line_reader.h"
@@ -19,12 +21,28 @@ namespace {
 
 namespace fs = std::filesystem;
 
+bool IsRowFile(const fs::path& file) {
+  return absl::AsciiStrToLower(file.extension().string()) == ".csv";
+}
+
 constexpr double kUnusedSigmaPx = 1;  // set anew by whoever triangulates
 
 struct RowFile {
   std::vector<Observation> rows;
   int marker_count = 0;
 };
+
+// <camera>.csv, or with another ending in capitals (.CSV); as the first one where there is none.
+fs::path RowPath(const fs::path& folder, const std::string& camera) {
+  const fs::path usual = folder / (camera + ".csv");
+  std::error_code error;
+  if (fs::exists(usual, error)) return usual;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const fs::path& file = entry.path();
+    if (file.stem() == camera && IsRowFile(file)) return file;
+  }
+  return usual;
+}
 
 // Lines left out, by reason, with the first of each.
 struct LeftOut {
@@ -65,8 +83,8 @@ absl::StatusOr<RowFile> ReadRowFile(const std::string& path, std::vector<std::st
     file.rows.push_back(std::move(row));
   }
   for (const auto& [reason, entry] : left_out) {
-    warnings->push_back(absl::StrCat(path, ": ", entry.count, " rows are left out: ", reason, " (",
-                                     entry.example, ")"));
+    warnings->push_back(absl::StrCat(path, ": ", FormatCount(entry.count, "row"),
+                                     " left out: ", reason, " (", entry.example, ")"));
   }
   return file;
 }
@@ -84,7 +102,7 @@ absl::StatusOr<MarkerRows> ReadMarkerRows(const std::string& folder,
   int marker_count = 0;
   std::string first;
   for (const std::string& camera : cameras) {
-    const fs::path path = fs::path(folder) / (camera + ".csv");
+    const fs::path path = RowPath(folder, camera);
     if (!fs::exists(path, error)) {
       result.warnings.push_back(absl::StrCat("camera ", camera, ": there is no ", path.string()));
       continue;
@@ -106,7 +124,7 @@ absl::StatusOr<MarkerRows> ReadMarkerRows(const std::string& folder,
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const fs::path file = entry.path();
     const std::string stem = file.stem().string();
-    if (file.extension() != ".csv" || stem.empty() || stem.front() == '.') continue;
+    if (!IsRowFile(file) || stem.empty() || stem.front() == '.') continue;
     if (std::ranges::find(cameras, stem) == cameras.end()) others.push_back(stem);
   }
   std::ranges::sort(others);

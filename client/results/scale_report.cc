@@ -8,22 +8,30 @@
 #include "client/output/output.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
+#include "common/scale/unit_ratio.h"
 
 namespace rigcal::client {
 namespace {
 
 std::string PercentOf(double share, int digits) { return FormatFixed(100 * share, digits); }
 
+// "0.100 %"; of what is no small change the factor: "1/1000 as long".
+std::string ChangeOf(double change_rel) {
+  const double ratio = 1 + change_rel;
+  const bool small = ratio > 0.5 && ratio < 2;
+  return small ? PercentOf(change_rel, 3) + " %" : DescribeRatio(ratio);
+}
+
 }  // namespace
 
 std::string FormatScale(const ScaleReport& report) {
   TextTable table;
   table.Words({"source"})
-      .Numbers({"change", "one sigma"}, "of every length by itself (%)")
-      .Numbers({"difference (%)", "sigmas"}, "from the others together");
+      .Numbers({"change", "one sigma"}, "of every length by itself")
+      .Numbers({"difference", "sigmas"}, "from the others together");
   for (const ScaleResidual& residual : report.fusion.residuals) {
-    table.AddRow({Printable(residual.name), PercentOf(residual.own_change_rel, 3),
-                  PercentOf(residual.own_sigma_rel, 3), PercentOf(residual.from_others_rel, 3),
+    table.AddRow({Printable(residual.name), ChangeOf(residual.own_change_rel),
+                  PercentOf(residual.own_sigma_rel, 3) + " %", ChangeOf(residual.from_others_rel),
                   FormatFixed(residual.from_others_sigmas, 1)});
   }
   std::string text = table.Format();

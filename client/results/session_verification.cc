@@ -136,8 +136,8 @@ class Verifier {
       const std::string& name = camera.description().camera();
       if (camera.conflict_count() > 0) {
         add("conflict",
-            absl::StrCat("does not have ", camera.conflict_count(), " observations of camera ",
-                         name,
+            absl::StrCat("does not have ", FormatCount(camera.conflict_count(), "observation"),
+                         " of camera ", name,
                          ": they came under numbers that were taken by others, with other values"),
             "see whether two agents use one state directory, or a copy of it");
         problems.back().camera = name;

@@ -14,6 +14,7 @@
 #include "absl/strings/strip.h"
 #include "common/status/status_macros.h"
 #include "common/text/line_reader.h"
+#include "common/text/utf16.h"
 
 namespace rigcal::client {
 namespace {
@@ -210,6 +211,9 @@ absl::StatusOr<Trajectories> ReadTrajectories(const std::string& path) {
   for (;;) {
     RIGCAL_ASSIGN_OR_RETURN(const auto line, reader.Next());
     if (!line) break;
+    if (line->number == 1 && BeginsLikeUtf16(line->text)) {
+      return LineFault(path, 1, "the file is written as UTF-16; save it as UTF-8");
+    }
     if (line->too_long) return LineFault(path, line->number, "is too long");
     absl::string_view text(line->text.data(), line->text.size());
     absl::ConsumePrefix(&text, "\xef\xbb\xbf");

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/results/trajectory_evaluation.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "client/output/console.h"
-#include "client/output/output.h"
 #include "client/output/quantities.h"
-#include "client/output/text_table.h"
+#include "client/results/trajectory_clock.h"
 #include "client/results/trajectory_match.h"
+#include "common/scale/unit_ratio.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::client {
@@ -25,6 +25,12 @@ constexpr double kOnOneLine = 1e-4;  // second extent as a share of the first
 constexpr double kExplains = 5;
 // A median error of this share of the motion is no fit at all.
 constexpr double kNoFit = 0.25;
+// From this share on other causes are looked for.
+constexpr double kPoorFit = 0.05;
+// What an offset that grows with time must explain of the squared errors to be looked at, and what
+// it must divide the median by to be told.
+constexpr double kRateShare = 0.1, kRateExplains = 2;
+constexpr double kLongSpacingS = 2;
 
 absl::Status CheckPairs(const std::vector<PositionPair>& pairs, size_t without,
                         const Trajectories& estimate, const Trajectories& truth) {
@@ -92,15 +98,12 @@ void FillStatistics(TrajectoryEvaluation* result) {
 
 // The names of factors that people meet where a unit is wrong.
 std::string UnitOf(double scale) {
-  const std::pair<double, const char*> units[] = {
-      {1000, "millimetres"}, {100, "centimetres"}, {1 / 0.0254, "inches"}, {1 / 0.3048, "feet"}};
-  for (const auto& [factor, unit] : units) {
-    if (std::abs(scale / factor - 1) < 0.05) {
-      return absl::StrCat("is the ground truth in ", unit, "? Give it in metres");
-    }
-    if (std::abs(scale * factor - 1) < 0.05) {
-      return absl::StrCat("is the estimate in ", unit, "? Give it in metres");
-    }
+  constexpr double kTolerance = 0.05;
+  if (const std::string unit = UnitOfRatio(scale, kTolerance); !unit.empty()) {
+    return absl::StrCat("is the ground truth in ", unit, "? Give it in metres");
+  }
+  if (const std::string unit = UnitOfRatio(1 / scale, kTolerance); !unit.empty()) {
+    return absl::StrCat("is the estimate in ", unit, "? Give it in metres");
   }
   return "";
 }
@@ -110,6 +113,48 @@ double MedianError(const std::vector<PositionPair>& pairs, bool with_scale, bool
   const Similarity fit = AlignRobustly(pairs, with_scale, mirrored);
   *scale = fit.scale;
   return QuantileOf(DistancesOf(fit, pairs), 0.5);
+}
+
+double SpreadOf(const Trajectories& all) {
+  std::vector<PositionPair> pairs;
+  for (const auto& [label, points] : all) {
+    for (const TrajectoryPoint& point : points) {
+      pairs.push_back({point.time_s, &label, point.position_m, point.position_m});
+    }
+  }
+  return ExtentOf(pairs);
+}
+
+std::string FormatSpacing(const Trajectories& all) {
+  return absl::StrCat(FormatFixed(TypicalSpacingS(all), 3), " s");
+}
+
+// Whether errors along the motion grow with time, or are large anyhow: to first order an error of
+// the clock is the velocity times an offset that grows.
+bool RateMayMatter(const Similarity& fit, const std::vector<PositionPair>& pairs, double median_m) {
+  if (median_m > kPoorFit * ExtentOf(pairs)) return true;
+  double first_s = pairs.front().time_s, last_s = first_s;
+  for (const PositionPair& pair : pairs) {
+    first_s = std::min(first_s, pair.time_s);
+    last_s = std::max(last_s, pair.time_s);
+  }
+  const double middle_s = (first_s + last_s) / 2, limit_m = 5 * median_m;
+  Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d right = Eigen::Vector2d::Zero();
+  double squares = 0;
+  for (size_t i = 1; i < pairs.size(); ++i) {
+    const PositionPair &a = pairs[i - 1], &b = pairs[i];
+    const double step_s = b.time_s - a.time_s;
+    if (a.label != b.label || !(step_s > 0)) continue;
+    const Eigen::Vector3d error_m = fit.ErrorOf(b), velocity = (b.truth_m - a.truth_m) / step_s;
+    if (error_m.norm() > limit_m) continue;
+    const Eigen::Vector2d times(1, b.time_s - middle_s);
+    normal += times * times.transpose() * velocity.squaredNorm();
+    right += times * velocity.dot(error_m);
+    squares += error_m.squaredNorm();
+  }
+  const double explained = right.dot(normal.ldlt().solve(right));
+  return squares > 0 && explained > kRateShare * squares;
 }
 
 // Wrong units and mirrored axes are errors; a scale that fits better is a note.
@@ -188,13 +233,77 @@ void NoteTimes(const TrajectoryMatch& match, const Trajectories& interpolated,
   }
 }
 
-nlohmann::ordered_json VectorJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+// INVALID_ARGUMENT: the two fit if the times of one are taken for milliseconds (or less).
+absl::Status ExplainTimeUnits(const Trajectories& estimate, const Trajectories& ground_truth,
+                              const TrajectoryEvaluationOptions& options) {
+  for (const double factor : PossibleTimeUnits(estimate, ground_truth)) {
+    const bool of_truth = factor < 1;
+    const double step = of_truth ? factor : 1 / factor;
+    const Trajectories changed = WithClock(of_truth ? ground_truth : estimate, step, 0);
+    TrajectoryEvaluationOptions again = options;
+    again.fit_time = true;
+    const auto fit = of_truth ? EvaluateTrajectories(estimate, changed, again)
+                              : EvaluateTrajectories(changed, ground_truth, again);
+    // Whatever else is wrong with them is said once this is mended.
+    const std::string error(fit.status().message());
+    const bool same_motion = fit.ok() ? fit->median_m < kPoorFit * SpreadOf(ground_truth)
+                                      : absl::StrContains(error, "the two fit");
+    if (!same_motion) continue;
+    const char* const unit = step > 5e-4   ? "milliseconds"
+                             : step > 5e-7 ? "microseconds"
+                                           : "nanoseconds";
+    return absl::InvalidArgumentError(absl::StrCat(
+        "rows of the estimate are ", FormatSpacing(estimate), " apart, those of the ground truth ",
+        FormatSpacing(ground_truth), ", and the two fit with the times of the ",
+        of_truth ? "ground truth" : "estimate", " times ", step, ": are they ", unit,
+        "? Name the column time_",
+        step > 5e-4   ? "ms"
+        : step > 5e-7 ? "us"
+                      : "ns"));
+  }
+  return absl::OkStatus();
+}
+
+// How the clock of the ground truth runs, if that explains errors; empty otherwise.
+std::string ExplainRate(const Trajectories& estimate, const Trajectories& ground_truth,
+                        const TrajectoryEvaluationOptions& options, double offset_s,
+                        const Similarity& fit, const std::vector<PositionPair>& pairs) {
+  const double median_m = QuantileOf(DistancesOf(fit, pairs), 0.5);
+  if (!options.fit_time || !RateMayMatter(fit, pairs, median_m)) return "";
+  const auto factor =
+      FindClockRate(estimate, ground_truth, offset_s, options.longest_gap_s, options.fit_scale);
+  if (!factor) return "";
+  const Trajectories changed =
+      WithClock(ground_truth, *factor, ground_truth.begin()->second[0].time_s);
+  const auto match = TrajectoryMatch::Make(estimate, changed, options.longest_gap_s);
+  if (!match.ok()) return "";
+  const auto offset = FindTimeOffset(*match, {.fit_scale = options.fit_scale});
+  if (!offset.ok()) return "";
+  const std::vector<PositionPair> better = match->PairsAt(*offset).pairs;
+  if (better.size() < kFewestPositions || better.size() * 2 < pairs.size()) return "";
+  const double better_m =
+      QuantileOf(DistancesOf(AlignRobustly(better, options.fit_scale), better), 0.5);
+  if (!(kRateExplains * better_m < median_m)) return "";
+  return absl::StrCat(
+      "the clock of the ground truth runs ", FormatFixed(100 * std::abs(1 / *factor - 1), 4),
+      " % too ", *factor < 1 ? "fast" : "slow", ": with its times times ", FormatFixed(*factor, 7),
+      " the median error would be ", FormatFixed(1000 * better_m, 3), " mm instead of ",
+      FormatFixed(1000 * median_m, 3), " mm");
+}
+
+// Nobody samples a moving wand so slowly.
+void NoteLongSpacing(const Trajectories& all, const char* of, std::vector<std::string>* notes) {
+  if (TypicalSpacingS(all) < kLongSpacingS) return;
+  notes->push_back(absl::StrCat("rows of the ", of, " are ", FormatSpacing(all),
+                                " apart: are its times in milliseconds? Name the column time_ms"));
+}
 
 }  // namespace
 
 absl::StatusOr<TrajectoryEvaluation> EvaluateTrajectories(
     const Trajectories& estimate, const Trajectories& ground_truth,
     const TrajectoryEvaluationOptions& options) {
+  RIGCAL_RETURN_IF_ERROR(ExplainTimeUnits(estimate, ground_truth, options));
   if ((options.longest_offset_s && !(*options.longest_offset_s >= 0)) ||
       !(options.longest_gap_s > 0)) {
     return absl::InvalidArgumentError(
@@ -216,6 +325,12 @@ absl::StatusOr<TrajectoryEvaluation> EvaluateTrajectories(
   const double median_m = QuantileOf(DistancesOf(fit, pairs), 0.5);
   RIGCAL_RETURN_IF_ERROR(ExplainMisfit(pairs, options.fit_scale, median_m, &result.notes));
   const double extent_m = ExtentOf(pairs);
+  const std::string rate =
+      ExplainRate(estimate, ground_truth, options, result.time_offset_s, fit, pairs);
+  if (!rate.empty() && median_m > kNoFit * extent_m) return absl::InvalidArgumentError(rate);
+  if (!rate.empty()) result.notes.push_back(rate);
+  NoteLongSpacing(estimate, "estimate", &result.notes);
+  NoteLongSpacing(ground_truth, "ground truth", &result.notes);
   if (median_m > kNoFit * extent_m) {
     const std::string why = absl::StrCat("the median error is ", FormatFixed(median_m, 3),
                                          " m, of positions that are ", FormatFixed(extent_m, 3),
@@ -236,54 +351,6 @@ absl::StatusOr<TrajectoryEvaluation> EvaluateTrajectories(
   FillStatistics(&result);
   NoteTimes(match, match.interpolates_truth() ? ground_truth : estimate, &result);
   return result;
-}
-
-std::string FormatTrajectoryEvaluation(const TrajectoryEvaluation& evaluation) {
-  constexpr double kMm = 1000, kSecondsPerMinute = 60;
-  TextTable table;
-  table.Words({"axis"}).Numbers({"mean", "RMSE"}, "error (mm)").Numbers({"drift (mm/min)"});
-  const char* const axes[] = {"x", "y", "z"};
-  for (int i = 0; i < 3; ++i) {
-    table.AddRow({axes[i], FormatFixed(evaluation.mean_m[i] * kMm, 3),
-                  FormatFixed(evaluation.rmse_m[i] * kMm, 3),
-                  FormatFixed(evaluation.drift_m_per_s[i] * kMm * kSecondsPerMinute, 3)});
-  }
-  const Eigen::Vector3d& t = evaluation.truth_from_estimate.translation_m;
-  const Eigen::Quaterniond q = Canonical(evaluation.truth_from_estimate.rotation);
-  std::string notes;
-  for (const std::string& note : evaluation.notes) absl::StrAppend(&notes, "\nNote: ", note);
-  if (!notes.empty()) notes += "\n";
-  return Printable(absl::StrCat(
-      "Estimate minus ground truth at ", FormatCount(evaluation.errors.size(), "position"), " (",
-      evaluation.without_ground_truth, " more have no ground truth), after the best alignment\n",
-      "  time offset ", FormatFixed(evaluation.time_offset_s * 1000, 3), " ms, scale ",
-      FormatFixed(evaluation.scale, 6), ", translation (", FormatFixed(t.x(), 4), ", ",
-      FormatFixed(t.y(), 4), ", ", FormatFixed(t.z(), 4), ") m, rotation w x y z (",
-      FormatFixed(q.w(), 6), ", ", FormatFixed(q.x(), 6), ", ", FormatFixed(q.y(), 6), ", ",
-      FormatFixed(q.z(), 6), ")\n\n", table.Format(2), "\nDistance  RMSE ",
-      FormatFixed(evaluation.total_rmse_m * kMm, 3), " mm, median ",
-      FormatFixed(evaluation.median_m * kMm, 3), " mm, p95 ",
-      FormatFixed(evaluation.p95_m * kMm, 3), " mm, worst ",
-      FormatFixed(evaluation.worst_m * kMm, 3), " mm\n", notes));
-}
-
-std::string ToJson(const TrajectoryEvaluation& evaluation) {
-  const Eigen::Quaterniond q = Canonical(evaluation.truth_from_estimate.rotation);
-  return JsonText({{"count", evaluation.errors.size()},
-                   {"without_ground_truth", evaluation.without_ground_truth},
-                   {"time_offset_s", evaluation.time_offset_s},
-                   {"scale", evaluation.scale},
-                   {"truth_from_estimate",
-                    {{"rotation_wxyz", {q.w(), q.x(), q.y(), q.z()}},
-                     {"translation_m", VectorJson(evaluation.truth_from_estimate.translation_m)}}},
-                   {"mean_m", VectorJson(evaluation.mean_m)},
-                   {"rmse_m", VectorJson(evaluation.rmse_m)},
-                   {"total_rmse_m", evaluation.total_rmse_m},
-                   {"median_m", evaluation.median_m},
-                   {"p95_m", evaluation.p95_m},
-                   {"worst_m", evaluation.worst_m},
-                   {"drift_m_per_s", VectorJson(evaluation.drift_m_per_s)},
-                   {"notes", evaluation.notes}});
 }
 
 }  // namespace rigcal::client

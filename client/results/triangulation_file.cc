@@ -165,12 +165,12 @@ std::string FormatTriangulation(const TriangulationSummary& summary) {
                     "the file has no covariance of the calibration: its part is missing in the "
                     "sigmas\n");
   }
-  absl::StrAppend(&text, "no point: ", summary.alone_count, " markers that one camera saw, ",
-                  summary.no_ray_count, " with parallel rays, ", summary.disagree_count,
-                  " whose cameras do not agree\n");
+  absl::StrAppend(&text, "no point: ", FormatCount(summary.alone_count, "marker"),
+                  " that one camera saw, ", summary.no_ray_count, " with parallel rays, ",
+                  summary.disagree_count, " whose cameras do not agree\n");
   for (const auto& [camera, count] : summary.left_out) {
-    absl::StrAppend(&text, "left out of ", Printable(camera), ": ", count,
-                    " centres that do not agree with the others\n");
+    absl::StrAppend(&text, "left out of ", Printable(camera), ": ", FormatCount(count, "centre"),
+                    " not in agreement with the others\n");
   }
   TextTable table;
   table.Numbers({"span (mm)", "mean error", "rms error", "count"});

@@ -2,7 +2,6 @@
 #include "client/tables/residual_table.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 
 #include "absl/strings/str_cat.h"
@@ -17,17 +16,6 @@ using Counts = google::protobuf::RepeatedField<uint32_t>;
 
 uint64_t SumOf(const Counts& counts) {
   return std::accumulate(counts.begin(), counts.end(), uint64_t{0});
-}
-
-// Upper end of the bin with this share of the counts below it: "0.35", ">4.00" in the last bin.
-std::string FormatBinQuantile(const Counts& counts, double bin_px, double share) {
-  const auto wanted = static_cast<uint64_t>(std::ceil(share * static_cast<double>(SumOf(counts))));
-  if (wanted == 0) return "-";
-  uint64_t below = 0;
-  int bin = 0;
-  while (bin + 1 < counts.size() && below + counts[bin] < wanted) below += counts[bin++];
-  const bool is_last = bin + 1 == counts.size();
-  return absl::StrCat(is_last ? ">" : "", FormatFixed(bin_px * (is_last ? bin : bin + 1), 3));
 }
 
 // One character for two bins; the taller, the denser.
@@ -46,7 +34,20 @@ std::string FormatHistogram(const Counts& counts) {
   return absl::StrCat("|", text, "|");
 }
 
-void AddCamera(const v1::CameraResiduals& camera, TextTable* table) {
+// As the calibration has them; 0: it does not.
+v1::ErrorFigures FiguresOf(const v1::Calibration& calibration, const std::string& name) {
+  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+    if (camera.camera() == name) return camera.residuals().inlier();
+  }
+  return {};
+}
+
+void AddCamera(const v1::CameraResiduals& camera, const v1::Calibration& calibration,
+               TextTable* table) {
+  const v1::ErrorFigures figures = FiguresOf(calibration, camera.camera());
+  const auto figure = [](double value_px) {
+    return value_px > 0 ? FormatFixed(value_px, 3) : std::string("-");
+  };
   double dx_px = 0, dy_px = 0;
   int used = 0;
   const int count = std::min({camera.dx_px_size(), camera.dy_px_size(), camera.outlier_size()});
@@ -58,8 +59,7 @@ void AddCamera(const v1::CameraResiduals& camera, TextTable* table) {
   }
   const Counts& inliers = camera.inlier_counts();
   table->AddRow({camera.camera(), SumOf(inliers), SumOf(camera.outlier_counts()),
-                 FormatBinQuantile(inliers, camera.bin_px(), 0.5),
-                 FormatBinQuantile(inliers, camera.bin_px(), 0.95),
+                 figure(figures.mean_px()), figure(figures.median_px()), figure(figures.p95_px()),
                  used == 0 ? "-" : FormatFixed(dx_px / used, 3),
                  used == 0 ? "-" : FormatFixed(dy_px / used, 3), FormatHistogram(inliers),
                  FormatFixed(camera.bin_px() * inliers.size(), 2)});
@@ -67,15 +67,18 @@ void AddCamera(const v1::CameraResiduals& camera, TextTable* table) {
 
 }  // namespace
 
-std::string FormatResiduals(const v1::GetResidualsResponse& residuals) {
+std::string FormatResiduals(const v1::GetResidualsResponse& residuals,
+                            const v1::Calibration& calibration) {
   TextTable table;
   table.Words({"camera"})
       .Numbers({"used", "left out"}, "markers")
-      .Numbers({"median", "p95"}, "length (px)")
+      .Numbers({"mean", "median", "p95"}, "of the markers used (px)")
       .Numbers({"dx", "dy"}, "mean vector (px)")
       .Words({"lengths from 0"})
       .Numbers({"to (px)"});
-  for (const v1::CameraResiduals& camera : residuals.cameras()) AddCamera(camera, &table);
+  for (const v1::CameraResiduals& camera : residuals.cameras()) {
+    AddCamera(camera, calibration, &table);
+  }
   return Printable(absl::StrCat("Projected minus measured markers\n", table.Format(2)));
 }
 

@@ -57,9 +57,20 @@ std::string FigureText(const v1::LiveState& live) {
                       live.estimate().scale_known() ? "" : " (scale not known)");
 }
 
+bool HasFinished(const v1::LiveState& live) {
+  return live.has_session() && live.session().state() == v1::Session::STATE_FINISHED;
+}
+
 // Why there is no figure, or how it stands with the goal.
 std::string GoalText(const v1::LiveState& live) {
   std::string text;
+  if (HasFinished(live)) {
+    return absl::StrCat(HasFigure(live)
+                            ? "the last estimate of a session that has finished"
+                            : "the session has finished, and nothing is estimated any more",
+                        ": rigcal calibration list --session ", live.session().id(),
+                        " has its results, rigcal calibrate ", live.session().id(), " makes one");
+  }
   if (live.has_goal()) {
     const v1::LiveGoal& goal = live.goal();
     text = absl::StrFormat("goal %.3g mm: %s", goal.until_mm(),
@@ -69,8 +80,8 @@ std::string GoalText(const v1::LiveState& live) {
   } else if (!HasFigure(live) && !live.estimate().needs().empty()) {
     const v1::LivePairNeed& need = live.estimate().needs(0);
     text = absl::StrCat(need.camera_a(), " and ", need.camera_b(),
-                        " need more together: ", need.common_count(), " of ", need.needed_count(),
-                        " instants");
+                        " need more together: ", need.common_count(), " of ",
+                        FormatCount(need.needed_count(), "instant"));
   }
   return text;
 }
@@ -248,7 +259,8 @@ std::vector<std::string> FormatLiveScreen(const v1::LiveState& live,
   }
   AddTable(live, &screen);
   screen.Add("");
-  screen.Add(options.message.empty() ? "s: stop the session   q: leave" : options.message);
+  const char* const keys = HasFinished(live) ? "q: leave" : "s: stop the session   q: leave";
+  screen.Add(options.message.empty() ? keys : options.message);
   return screen.Take();
 }
 
@@ -256,6 +268,8 @@ std::string FormatLiveLine(const v1::LiveState& live) {
   std::string line = absl::StrCat(SessionText(live), "; ", FigureText(live));
   if (const std::string goal = GoalText(live); !goal.empty())
     absl::StrAppend(&line, " (", goal, ")");
+  // Its cameras do nothing for it any more.
+  if (HasFinished(live)) return Printable(line);
   size_t capturing = 0;
   double rate_hz = 0;
   double wand_hz = 0;

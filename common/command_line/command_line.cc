@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/escaping.h"
@@ -63,6 +64,32 @@ const CLI::App& ProgramOf(const CLI::App& app) {
   return *program;
 }
 
+// What other programs call it.
+std::string SynonymOf(const std::string& word, const std::vector<std::string>& known) {
+  constexpr std::pair<const char*, const char*> kSynonyms[] = {
+      {"show", "get"},        {"view", "get"},    {"info", "get"},     {"describe", "get"},
+      {"print", "get"},       {"ls", "list"},     {"all", "list"},     {"rm", "delete"},
+      {"remove", "delete"},   {"del", "delete"},  {"new", "create"},   {"add", "create"},
+      {"begin", "start"},     {"run", "start"},   {"end", "stop"},     {"finish", "stop"},
+      {"continue", "resume"}, {"save", "export"}, {"write", "export"}, {"read", "import"},
+      {"load", "import"}};
+  for (const auto& [other, ours] : kSynonyms) {
+    if (word == other && std::ranges::find(known, ours) != known.end()) return ours;
+  }
+  return "";
+}
+
+// The only option that begins so: "--accept" of --accept-mm.
+std::string BegunOption(const std::string& name, const std::vector<std::string>& known) {
+  std::string found;
+  for (const std::string& option : known) {
+    if (name.size() < 5 || !option.starts_with(name) || option == found) continue;
+    if (!found.empty()) return "";
+    found = option;
+  }
+  return found;
+}
+
 std::string UnknownOption(const std::vector<const CLI::App*>& typed, const std::string& text) {
   const std::string name = text.substr(0, text.find('='));
   std::vector<std::string> known = OptionNames(*typed.back());
@@ -76,7 +103,8 @@ std::string UnknownOption(const std::vector<const CLI::App*>& typed, const std::
     }
     known.insert(known.end(), more.begin(), more.end());
   }
-  const std::string nearest = NearestName(name, known);
+  const std::string begun = BegunOption(name, known);
+  const std::string nearest = begun.empty() ? NearestName(name, known) : begun;
   return absl::StrCat(FullName(*typed.back()), " has no option '", Shown(name), "'",
                       nearest.empty() ? "" : absl::StrCat("; did you mean ", nearest, "?"));
 }
@@ -85,7 +113,8 @@ std::string UnknownCommand(const CLI::App& app, const std::string& word) {
   const std::vector<std::string> known = CommandNames(app);
   const std::string begin =
       absl::StrCat("'", Shown(word), "' is not known: ", FullName(app), " has no such command; ");
-  const std::string nearest = NearestName(word, known);
+  const std::string synonym = SynonymOf(word, known);
+  const std::string nearest = synonym.empty() ? NearestName(word, known) : synonym;
   if (!nearest.empty()) {
     return absl::StrCat(begin, "did you mean '", FullName(app), " ", nearest, "'?");
   }
@@ -120,7 +149,10 @@ std::string Unknown(const std::vector<const CLI::App*>& typed) {
     const std::string& word = words.front();
     if (word.size() > 1 && word.front() == '-') return UnknownOption(typed, word);
     if (!CommandsOf(*app).empty()) return UnknownCommand(*app, word);
-    return absl::StrCat("'", Shown(word), "' is one argument too many for ", FullName(*app));
+    const bool takes_data =
+        app->get_option_no_throw("--data") != nullptr && app->count("--data") == 0;
+    return absl::StrCat("'", Shown(word), "' is one argument too many for ", FullName(*app),
+                        takes_data ? absl::StrCat("; did you mean --data ", Shown(word), "?") : "");
   }
   return "";
 }

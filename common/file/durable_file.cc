@@ -46,6 +46,7 @@ bool IsTemporaryName(std::string_view name) {
          name.find_first_not_of("0123456789-", dot + 1) == std::string_view::npos;
 }
 
+// Errors name the file that was asked for, whatever its bytes are written to at first.
 absl::Status WriteAndSync(int descriptor, std::string_view bytes, const fs::path& path) {
   while (!bytes.empty()) {
     const ssize_t written = write(descriptor, bytes.data(), bytes.size());
@@ -58,17 +59,28 @@ absl::Status WriteAndSync(int descriptor, std::string_view bytes, const fs::path
   return fsync(descriptor) == 0 ? absl::OkStatus() : FileError("sync", path, errno);
 }
 
-// A new file; removed again after an error.
-absl::Status CreateFile(const fs::path& path, std::string_view bytes, mode_t mode) {
+// Why a file cannot be made: the folder, where that is what is missing.
+absl::Status CreateError(const fs::path& path, int error) {
+  std::error_code ignored;
+  if (error != ENOENT || fs::exists(FolderOf(path), ignored)) {
+    return FileError("create", path, error);
+  }
+  return absl::NotFoundError(absl::StrCat("cannot create ", path.string(), ": there is no folder ",
+                                          FolderOf(path).string(), "; make it first"));
+}
+
+// A new file; removed again after an error. `shown` is what errors call it.
+absl::Status CreateFile(const fs::path& path, const fs::path& shown, std::string_view bytes,
+                        mode_t mode) {
   const FileDescriptor file(
       open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode));
-  if (!file.is_open()) return FileError("create", path, errno);
+  if (!file.is_open()) return CreateError(shown, errno);
   absl::Status status;
   // The umask may have taken bits of the owner's as well.
   if (mode == kPrivateMode && fchmod(file.get(), mode) != 0) {
-    status = FileError("protect", path, errno);
+    status = FileError("protect", shown, errno);
   }
-  if (status.ok()) status = WriteAndSync(file.get(), bytes, path);
+  if (status.ok()) status = WriteAndSync(file.get(), bytes, shown);
   if (!status.ok()) unlink(path.c_str());
   return status;
 }
@@ -76,7 +88,7 @@ absl::Status CreateFile(const fs::path& path, std::string_view bytes, mode_t mod
 absl::Status ReplaceFile(const fs::path& path, std::string_view bytes, mode_t mode) {
   const fs::path temporary = TemporaryName(path);
   unlink(temporary.c_str());  // of a process with the same number that was killed
-  RIGCAL_RETURN_IF_ERROR(CreateFile(temporary, bytes, mode));
+  RIGCAL_RETURN_IF_ERROR(CreateFile(temporary, path, bytes, mode));
   if (rename(temporary.c_str(), path.c_str()) != 0) {
     absl::Status status = FileError("replace", path, errno);
     unlink(temporary.c_str());
@@ -102,7 +114,7 @@ absl::Status WriteOutputFile(const fs::path& path, std::string_view bytes) {
 }
 
 absl::Status CreatePrivateFile(const fs::path& path, std::string_view bytes) {
-  return CreateFile(path, bytes, kPrivateMode);
+  return CreateFile(path, path, bytes, kPrivateMode);
 }
 
 absl::Status SyncAndRename(const fs::path& from, const fs::path& to) {

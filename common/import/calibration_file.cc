@@ -61,6 +61,12 @@ absl::StatusOr<ImportedRig> ReadJsonRig(const std::string& path, const std::stri
   if (json.is_object()) {
     if (json.contains("frames")) return ReadNerfstudio(path, text);
     if (json.contains("sfm_data_version")) return ReadOpenMvg(path, text);
+    if (json.contains("cameras") && json["cameras"].is_object()) {
+      return ImportError(path, 0,
+                         absl::StrCat("has its cameras in a table by name, as Multical's "
+                                      "calibration.json has; that is not read, but ",
+                                      kReadableFormats, " are"));
+    }
     if (json.contains("cameras")) {
       return ImportError(path, 0,
                          "is a whole calibration; rigcal calibration import writes files of its "

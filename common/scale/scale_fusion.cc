@@ -106,7 +106,7 @@ ScaleFusion FuseScales(const std::vector<ScaleSource>& sources,
     residual.own_sigma_rel = std::sqrt(of_changes(i, i));
     const double own = weight(i, i) - weighted[i] * weighted[i] / information;
     if (count > 1 && own > 0) {
-      residual.from_others_rel = pull[i] / own;
+      residual.from_others_rel = std::expm1(pull[i] / own);
       residual.from_others_sigmas = pull[i] / std::sqrt(own);
     }
     fusion.residuals.push_back(std::move(residual));

@@ -27,7 +27,7 @@ struct ScaleResidual {
   // The factor by which this source alone would change every length, minus 1; one sigma of it, with
   // what the shape of the rig adds.
   double own_change_rel = 0, own_sigma_rel = 0;
-  // Against what the others together say: how far, and in sigmas of that difference. Zeros for a
+  // Against what the others together say: the ratio minus 1, and its logarithm in sigmas. Zeros for a
   // single source.
   double from_others_rel = 0, from_others_sigmas = 0;
 };

@@ -10,12 +10,16 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "common/scale/unit_ratio.h"
 #include "common/status/status_macros.h"
 #include "common/triangulate/camera_agreement.h"
 #include "common/triangulate/located_markers.h"
 
 namespace rigcal {
 namespace {
+
+// Lengths that differ by a unit may differ by a little more.
+constexpr double kUnitTolerance = 0.1;
 
 std::string NameOf(const KnownLength& length) {
   return length.name.empty() ? absl::StrCat("length ", length.marker_a, " to ", length.marker_b)
@@ -65,10 +69,23 @@ absl::StatusOr<std::vector<ScaleSource>> SourcesOf(const CalibrationResult& cali
 }
 
 std::string Described(const ScaleResidual& residual) {
-  return absl::StrFormat("\"%s\" is %.3f %% %s than the others say together (%.1f sigmas)",
-                         residual.name, 100 * std::abs(residual.from_others_rel),
-                         residual.from_others_rel > 0 ? "longer" : "shorter",
+  const double ratio = 1 + residual.from_others_rel;
+  const bool percent = DescribeRatio(ratio).find('%') != std::string::npos;
+  return absl::StrFormat("\"%s\" is %s %s the others say together (%.1f sigmas)", residual.name,
+                         DescribeRatio(ratio), percent ? "than" : "as",
                          std::abs(residual.from_others_sigmas));
+}
+
+// "; is it in millimetres? Give metres", or nothing.
+std::string UnitQuestion(const ScaleResidual& residual) {
+  const double ratio = 1 + residual.from_others_rel;
+  if (std::string unit = UnitOfRatio(ratio, kUnitTolerance); !unit.empty()) {
+    return absl::StrCat("; is \"", residual.name, "\" in ", unit, "? Give metres");
+  }
+  if (std::string unit = UnitOfRatio(1 / ratio, kUnitTolerance); !unit.empty()) {
+    return absl::StrCat("; are the others in ", unit, "? Give metres");
+  }
+  return "";
 }
 
 }  // namespace
@@ -124,14 +141,15 @@ std::string DisagreementOf(const ScaleFusion& fusion) {
   if (fusion.undecided) {
     const ScaleResidual& a = fusion.residuals[static_cast<size_t>(fusion.suspects[0])];
     const ScaleResidual& b = fusion.residuals[static_cast<size_t>(fusion.suspects[1])];
+    const std::string unit = UnitQuestion(a.from_others_rel > b.from_others_rel ? a : b);
     return absl::StrCat("\"", a.name, "\" and \"", b.name, "\" disagree: ", Described(a), ", ",
-                        Described(b),
-                        ", and nothing says which of them is wrong: measure both again, or a "
-                        "third, or leave one out");
+                        Described(b), unit.empty() ? ", and" : unit + ". Otherwise",
+                        " nothing says which of them is wrong: measure both again, or a third, or "
+                        "leave one out");
   }
   if (fusion.odd < 0) return "";
   const ScaleResidual& odd = fusion.residuals[static_cast<size_t>(fusion.odd)];
-  return absl::StrCat("a source of the scale disagrees: ", Described(odd),
+  return absl::StrCat("a source of the scale disagrees: ", Described(odd), UnitQuestion(odd),
                       "; measure it again, or go on with --leave-out \"", odd.name, "\"");
 }
 

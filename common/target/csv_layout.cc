@@ -11,13 +11,17 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "common/status/status_macros.h"
+#include "common/target/csv_plausible.h"
 #include "common/text/line_reader.h"
+#include "common/text/utf16.h"
 
 namespace rigcal {
 namespace {
 
 // A recording may begin with damaged lines; what most of the first ones are like decides.
 constexpr size_t kLinesLookedAt = 100;
+// And whether they can be markers: the wand may come late.
+constexpr size_t kLinesCompared = 1000;
 constexpr char kSeparators[] = {';', '\t', ','};
 
 bool StartsLikeANumber(absl::string_view line) {
@@ -182,6 +186,14 @@ absl::StatusOr<CsvLayout> FindCsvLayout(const std::vector<std::string>& lines) {
     named->trailing_separator = best.trailing_separator;
     return named;
   }
+  if (named.ok() && header.columns < best.columns && best.separator == ',') {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the header names ", header.columns, " columns, and rows have ", best.columns,
+        best.columns >= 2 * header.columns - 1
+            ? ": are decimals written with a comma, and cells separated by commas, too? Write "
+              "decimals with a point, or separate cells by semicolons"
+            : "; name every column"));
+  }
   const bool is_words = absl::ascii_isalpha(
       static_cast<unsigned char>(absl::StripLeadingAsciiWhitespace(lines.front()).front()));
   if (IsRow(best.columns) && !(is_words && header.columns == best.columns)) return best;
@@ -191,19 +203,33 @@ absl::StatusOr<CsvLayout> FindCsvLayout(const std::vector<std::string>& lines) {
 absl::StatusOr<CsvLayout> FindCsvLayoutOfFile(const std::string& path) {
   RIGCAL_ASSIGN_OR_RETURN(agent::LineReader reader, agent::LineReader::Open(path));
   std::vector<std::string> lines;
-  while (lines.size() < kLinesLookedAt) {
+  while (lines.size() < kLinesCompared) {
     RIGCAL_ASSIGN_OR_RETURN(const std::optional<agent::LineReader::Line> line, reader.Next());
     if (!line) break;
     if (line->too_long ||
         absl::StripAsciiWhitespace({line->text.data(), line->text.size()}).empty()) {
       continue;
     }
+    if (line->number == 1 && BeginsLikeUtf16(line->text)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path,
+                       ": is written as UTF-16; save it as UTF-8 (in a spreadsheet \"CSV "
+                       "UTF-8\", not \"Unicode text\")"));
+    }
     lines.emplace_back(line->text);
   }
-  absl::StatusOr<CsvLayout> layout = FindCsvLayout(lines);
-  if (layout.ok()) return layout;
-  return absl::Status(layout.status().code(),
-                      absl::StrCat(path, ": ", std::string(layout.status().message())));
+  const std::vector<std::string> first(
+      lines.begin(),
+      lines.begin() + static_cast<std::ptrdiff_t>(std::min(lines.size(), kLinesLookedAt)));
+  absl::StatusOr<CsvLayout> layout = FindCsvLayout(first);
+  if (!layout.ok()) {
+    return absl::Status(layout.status().code(),
+                        absl::StrCat(path, ": ", std::string(layout.status().message())));
+  }
+  if (const std::string why = ImplausibleColumns(*layout, lines); !why.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": ", why));
+  }
+  return layout;
 }
 
 }  // namespace rigcal

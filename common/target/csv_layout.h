@@ -36,7 +36,7 @@ int CsvFieldCount(std::string_view line, char separator = ';');
 // fits, the rows must be as CsvLayout::Of says. `lines`: without blank ones. INVALID_ARGUMENT: a
 // header that does not name a time and pairs of x and y.
 absl::StatusOr<CsvLayout> FindCsvLayout(const std::vector<std::string>& lines);
-// Of the first lines of a file. Also NOT_FOUND, ...: the file cannot be read; names it.
+// Of the first lines of a file. Also NOT_FOUND, ...: it cannot be read; names it. UTF-16 is refused.
 absl::StatusOr<CsvLayout> FindCsvLayoutOfFile(const std::string& path);
 
 }  // namespace rigcal

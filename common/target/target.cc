@@ -30,6 +30,7 @@ constexpr char kHowWritten[] =
     "positions are in metres, without a unit, with a comma between them and a point before "
     "decimals";
 constexpr double kMaxLengthM = 20;  // more is millimetres typed as metres
+constexpr double kMaxWavedM = 4;    // and of what is typed for a wand, centimetres
 constexpr double kMinSpanM = 1e-4;  // closer markers are one marker
 constexpr double kMaxDiameterM = 1;
 constexpr double kMaxBlinkHz = 1e6;
@@ -62,27 +63,61 @@ absl::Status ParseNumbers(std::string_view part, std::vector<double>* numbers) {
   return absl::OkStatus();
 }
 
-// Sorts the positions along the wand and moves them to begin at 0; frequencies given per marker
-// stay with their markers.
+// Positions as they were typed, for a wand that is meant to be another one.
+std::string WandText(const std::vector<double>& positions) {
+  const auto append = [](std::string* out, double value) {
+    out->append(ShortestText(std::round(value * 1e6) / 1e6));
+  };
+  return absl::StrCat("wand:", absl::StrJoin(positions, ",", append));
+}
+
+// Columns of rows and frequencies belong to markers by their order, which only the user can change.
+absl::Status CheckOrder(const std::vector<double>& positions) {
+  if (std::ranges::is_sorted(positions)) return absl::OkStatus();
+  std::vector<double> sorted = positions;
+  std::ranges::sort(sorted);
+  const double first = sorted.front();
+  for (double& position : sorted) position -= first;
+  std::string message = absl::StrCat("positions must increase from marker to marker: did you mean ",
+                                     WandText(sorted));
+  if (std::is_sorted(positions.rbegin(), positions.rend())) {
+    std::vector<double> other_way;
+    for (const double position : positions) other_way.push_back(positions.front() - position);
+    absl::StrAppend(&message,
+                    ", or, measured from the other end with the markers in the order given, ",
+                    WandText(other_way));
+  }
+  return absl::InvalidArgumentError(message + "?");
+}
+
+absl::Status CheckDistinct(std::vector<double> positions) {
+  std::ranges::sort(positions);
+  for (size_t i = 1; i < positions.size(); ++i) {
+    if (positions[i] - positions[i - 1] >= kMinSpanM) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        "markers at ", positions[i - 1], " and ", positions[i],
+        " are at the same position, a wand needs at least two distinct positions and each only "
+        "once; ",
+        kHowWritten));
+  }
+  return absl::OkStatus();
+}
+
+// Moves the positions to begin at 0.
 absl::Status Normalise(Target* target) {
   std::vector<double>& positions = target->marker_positions_m;
-  std::vector<double>& blink_hz = target->blink_hz;
-  const bool own_hz = blink_hz.size() == positions.size();
-  std::vector<std::pair<double, double>> given;  // position, frequency
-  for (size_t i = 0; i < positions.size(); ++i) {
-    given.emplace_back(positions[i], own_hz ? blink_hz[i] : 0);
-  }
-  std::sort(given.begin(), given.end());
-  for (size_t i = 0; i < given.size(); ++i) {
-    positions[i] = given[i].first - given[0].first;
-    if (own_hz) blink_hz[i] = given[i].second;
-    if (i > 0 && positions[i] - positions[i - 1] < kMinSpanM) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "markers at ", given[i - 1].first, " and ", given[i].first,
-          " are at the same position, a wand needs at least two distinct positions and each only "
-          "once; ",
-          kHowWritten));
-    }
+  RIGCAL_RETURN_IF_ERROR(CheckDistinct(positions));
+  RIGCAL_RETURN_IF_ERROR(CheckOrder(positions));
+  const double first = positions.empty() ? 0 : positions.front();
+  for (double& position : positions) position -= first;
+  if (!positions.empty() && positions.back() > kMaxWavedM) {
+    const bool centimetres = positions.back() <= 100 * kMaxWavedM;
+    std::vector<double> meant;
+    for (const double position : positions) meant.push_back(position / (centimetres ? 100 : 1000));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the wand is ", positions.back(), " m long, and nobody waves one of more than ", kMaxWavedM,
+        " m: positions are in metres; if these are ", centimetres ? "centimetres" : "millimetres",
+        ", write ", WandText(meant)));
   }
   return absl::OkStatus();
 }

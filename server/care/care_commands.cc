@@ -44,9 +44,13 @@ CareProgress ProgressOf(std::string what) {
 }
 
 std::string CountsText(const DatabaseReport& report) {
-  return absl::StrCat(report.session_count, " sessions, ", report.observation_count,
-                      " observations in ", report.batch_count, " batches, ",
-                      report.calibration_count, " calibrations");
+  const auto counted = [](uint64_t count, const char* one, const char* many) {
+    return absl::StrCat(count, " ", count == 1 ? one : many);
+  };
+  return absl::StrCat(counted(report.session_count, "session", "sessions"), ", ",
+                      counted(report.observation_count, "observation", "observations"), " in ",
+                      counted(report.batch_count, "batch", "batches"), ", ",
+                      counted(report.calibration_count, "calibration", "calibrations"));
 }
 
 void PrintFaults(const DatabaseReport& report) {

@@ -138,10 +138,13 @@ void AddDelivery(const CameraFacts& facts, Conditions* conditions) {
         milliseconds(2000));
   }
   if (facts.backlog_grows) {
-    conditions->Add("backlog_growing", AlertSeverity::kWarning,
-                    absl::StrCat(facts.backlog_count, " observations of ", facts.camera,
-                                 " wait at its agent, and more each second; nothing is lost, but "
-                                 "the state shown is old: look at the network"));
+    conditions->Add(
+        "backlog_growing", AlertSeverity::kWarning,
+        absl::StrCat(facts.backlog_count,
+                     facts.backlog_count == 1 ? " observation of " : " observations of ",
+                     facts.camera, facts.backlog_count == 1 ? " waits" : " wait",
+                     " at its agent, and more each second; nothing is lost, but "
+                     "the state shown is old: look at the network"));
   }
   if (facts.dropped_lately > 0) {
     conditions->Add(
@@ -151,10 +154,13 @@ void AddDelivery(const CameraFacts& facts, Conditions* conditions) {
         milliseconds(0));
   }
   if (facts.refused_lately > 0) {
-    conditions->Add("refused", AlertSeverity::kWarning,
-                    absl::StrCat(facts.refused_lately, " observations of ", facts.camera,
-                                 " were refused in 10 s; `rigcal session get` says why"),
-                    milliseconds(0));
+    conditions->Add(
+        "refused", AlertSeverity::kWarning,
+        absl::StrCat(facts.refused_lately,
+                     facts.refused_lately == 1 ? " observation of " : " observations of ",
+                     facts.camera, facts.refused_lately == 1 ? " was" : " were",
+                     " refused in 10 s; `rigcal session get` says why"),
+        milliseconds(0));
   }
 }
 

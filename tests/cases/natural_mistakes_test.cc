@@ -66,6 +66,12 @@ class NaturalMistakes : public ::testing::Test {
     directory_->WriteFile("notes.txt", "buy batteries\n");
     directory_->WriteFile("picture.png", "this is no picture\n");
     directory_->WriteFile("there.csv", "of somebody\n");
+    directory_->WriteFile("taken.csv", "of somebody\n");
+    directory_->WriteFile("multical.json",
+                          R"({"cameras": {"left": {"model": "standard", "image_size": [640, 480],
+                              "K": [[500, 0, 320], [0, 500, 240], [0, 0, 1]], "dist": [0, 0, 0, 0]}},
+                              "camera_poses": {"left": {"R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+                              "T": [0, 0, 0]}}})");
 
     server_ = std::make_unique<ServerProcess>(
         dir / "store", 0, std::map<std::string, std::string>{},
@@ -141,6 +147,8 @@ TEST_F(NaturalMistakes, UnitsOfTheWand) {
       {Create("wand:0,0.13,0.39;diameter=4"), 2, "diameter"},
       {Create("wand:0, 0.13, 0.39;diameter=40mm"), 2, "40mm"},
       {Create("wand:0mm,130mm,390mm"), 2, "mm"},
+      {Create("wand:0.39,0.13,0"), 2, "wand:0,0.13,0.39"},
+      {Create("wand:0,5,15"), 2, "centimetres"},
       {Create("wand:0;0,13;0,39"), 2, "decimal"},
       {Create("wand:0,0,13,0,39"), 2, "decimal"},
       {Create("wand:0"), 2, "wand:0"},
@@ -165,7 +173,10 @@ TEST_F(NaturalMistakes, NamesOfCommandsAndOptions) {
       {{"rigcal", "session", "create", "--taget", kWand}, 2, "did you mean --target?"},
       {{"rigcal", "session", "create", "-target", kWand}, 2, "it is --target"},
       {{"rigcal", "session", "create", "--wand", kWand}, 2, "'--wand'"},
-      {{"rigcal", "local", "{dir}/rig", "--target", kWand}, 2, "{dir}/rig"},
+      {{"rigcal", "local", "{dir}/rig", "--target", kWand}, 2, "did you mean --data {dir}/rig?"},
+      {{"rigcal", "calibration", "show", "c-000001"}, 2, "did you mean 'rigcal calibration get'?"},
+      {{"rigcal", "calibration", "ls"}, 2, "did you mean 'rigcal calibration list'?"},
+      {{"rigcal", "calibrate", "wave", "--accept", "2"}, 2, "did you mean --accept-mm?"},
       {{"rigcal", "calibrate", "wave", "--checkerboard", "9x6"}, 2, "'--checkerboard'"},
       {{"rigcal", "calibrate", "wave", "--verbose"}, 2, "'--verbose'"},
       {{"rigcal", "calibrate", "wave", "-v"}, 2, "'-v'"},
@@ -204,7 +215,6 @@ TEST_F(NaturalMistakes, IdsAndNames) {
 }
 
 TEST_F(NaturalMistakes, FilesAndFolders) {
-  const std::vector<std::string> triangulate = {"rigcal", "triangulate", "c-000001"};
   Expect({
       {{"rigcal", "local", "--data", "{dir}/nowhere", "--target", kWand}, 1, "there is no folder"},
       {{"rigcal", "local", "--data", "{dir}/notes.txt", "--target", kWand}, 1, "is not a folder"},
@@ -223,6 +233,32 @@ TEST_F(NaturalMistakes, FilesAndFolders) {
        1,
        "c-000001"},
       {{"rigcal", "triangulate", "c-000001", "--data", "{dir}/rig", "--output", "{dir}/there.csv"},
+       1,
+       "--force"},
+      {{"rigcal", "triangulate", "c-000001", "--data", "{dir}/rig", "--output",
+        "{dir}/nodir/p.csv"},
+       1,
+       "there is no folder {dir}/nodir"},
+      {{"rigcal", "evaluate", "{dir}/notes.txt", "--ground-truth", "{dir}/notes.txt", "--plot",
+        "{dir}/there.csv"},
+       1,
+       "--force"},
+      {{"rigcal", "calibration", "import", "{dir}/multical.json", "--output", "{dir}/out"},
+       1,
+       "Multical"},
+      {{"rigcal", "calibration", "scale", "c-000001", "--distance", "sim_0,sim_1,4000", "--output",
+        "{dir}/scaled.json"},
+       1,
+       "times as long as"},
+      {{"rigcal-agent", "simulate", "sim:camera=0;events=1;duration=1", "--output",
+        "{dir}/taken.raw"},
+       1,
+       "--force"},
+      {{"rigcal-agent", "mask", "{dir}/empty", "--output", "{dir}/there.csv"}, 1, "--force"},
+      {{"rigcal-agent", "tune", "{dir}/empty", "--target", kWand, "--output", "{dir}/there.csv"},
+       1,
+       "--force"},
+      {{"rigcal-agent", "detect", "{dir}/empty", "--target", kWand, "--output", "{dir}/there.csv"},
        1,
        "--force"},
       {{"rigcal", "calibration", "export", "c-000001", "--format", "opncv", "--output",

@@ -171,6 +171,31 @@ TEST_F(NeighboursPoints, OriginAndScaleTakeAFileOfAnotherProgram) {
   EXPECT_EQ(Triangulated(Path("scaled.json")), kRows);
 }
 
+// FreeMoCap writes millimetres into the fields in which others have metres.
+TEST_F(Neighbours, MillimetresAreNotTakenForMetres) {
+  const std::string text =
+      TomlCamera("cam_0", Pose("0.0, 0.0, 0.0")) + TomlCamera("cam_1", Pose("-4213.0, 0.0, 0.0"));
+  const CommandResult doubted = Import("rig.toml", text);
+  EXPECT_EQ(doubted.exit_code, kIncomplete) << doubted.error;
+  EXPECT_THAT(doubted.error, AllOf(HasSubstr("cam_0 and cam_1 are 4213.0 m apart"),
+                                   HasSubstr("4.213 m"), HasSubstr("--units mm")));
+  for (const auto& [unit, x_m] : {std::pair("mm", -4.213), {"m", -4213.0}}) {
+    const CommandResult said =
+        RunCommand({"rigcal", "calibration", "import", Path("rig.toml"), "--units", unit,
+                    "--format", "json", "--force", "--output", Path("said")});
+    EXPECT_EQ(said.exit_code, 0) << said.error;
+    EXPECT_EQ(said.error, "");
+    std::ifstream file(Path("said/calibration.json"));
+    const auto json = nlohmann::json::parse(file);
+    EXPECT_NEAR(json["cameras"][1]["cam_from_rig"]["translation_m"]["x"].get<double>(), x_m, 1e-9);
+  }
+  // Whatever else reads a rig says it, too.
+  const CommandResult triangulated =
+      RunCommand({"rigcal", "triangulate", Path("rig.toml"), "--data", folder_.path().string(),
+                  "--output", Path("points.csv")});
+  EXPECT_THAT(triangulated.error, HasSubstr("--units mm"));
+}
+
 // Every format that import reads holds the same rig.
 TEST_F(NeighboursPoints, OurOwnExportsAreReadBack) {
   for (const char* format : {"opencv", "json", "kalibr", "ros", "colmap", "colmap-binary",

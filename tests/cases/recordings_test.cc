@@ -118,6 +118,41 @@ TEST_F(Recordings, DecimalSecondsAreNamed) {
                                   HasSubstr(".csv:"), Not(HasSubstr("never saw"))));
 }
 
+TEST_F(Recordings, TablesThatCannotBeMarkersAreNamed) {
+  Change(0, [](Rows* rows) {  // all x, then all y
+    for (auto& row : *rows) row = {row[0], row[1], row[3], row[5], row[2], row[4], row[6]};
+  });
+  Change(1, [](Rows* rows) {  // a likelihood of each marker, without a header
+    for (auto& row : *rows) row = {row[0], row[1], row[2], "0.99", row[3], row[4], "0.99"};
+  });
+  Rows commas = Read(2);
+  for (auto& row : commas) {
+    for (size_t i = 1; i < row.size(); ++i) {
+      if (row[i] == "-1") row[i] = "-1.00";
+      std::ranges::replace(row[i], '.', ',');
+    }
+  }
+  Write(2, commas, ",");
+  std::string wide = "\xff\xfe";
+  for (const auto& row : Read(3)) {
+    for (const char c : absl::StrJoin(row, ";") + "\n") wide.append({c, '\0'});
+  }
+  std::ofstream(FileOf(3), std::ios::binary) << wide;
+  const CommandResult result = Calibrate();
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.error, AllOf(HasSubstr("timestamp_ns;x0;x1;x2;y0;y1;y2"),
+                                  HasSubstr("column 4 is 0.99"), HasSubstr("decimals with a point"),
+                                  HasSubstr("UTF-16"), Not(HasSubstr("never saw"))));
+  for (const std::string& camera : cameras_) EXPECT_THAT(result.error, HasSubstr(camera + ".csv"));
+}
+
+TEST_F(Recordings, EndingsInCapitalsAreRead) {
+  std::filesystem::rename(FileOf(1), folder() / (cameras_.at(1) + ".CSV"));
+  const CommandResult result = Calibrate();
+  EXPECT_EQ(result.exit_code, 0) << result.output << result.error;
+  EXPECT_THAT(result.output, HasSubstr(cameras_.at(1)));
+}
+
 TEST_F(Recordings, WrongStampsCostTheirRowsAndAReversedFileNone) {
   Change(1, [](Rows* rows) {
     for (size_t i = 100; i < rows->size(); i += 100) AddSeconds(-3, &(*rows)[i]);

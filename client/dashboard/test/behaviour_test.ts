@@ -94,6 +94,7 @@ test('progress: one word for each state', () => {
   assert.equal(progressOf(withError(0.7, 0.5), false).stage, 'near');
   assert.equal(progressOf(withError(0.4, 0.5), false).stage, 'near', 'below the target the server decides whether it is reached');
   assert.equal(progressOf({ ...withError(0.4), goal: { until_mm: 0.5, reached: true } }, false).stage, 'reached');
+  assert.equal(progressOf(rigWith({ session: { state: 'STATE_FINISHED' } }), false).word, 'Finished');
   assert.equal(progressOf(withError(0.4, 0.5), true).stage, 'stale', 'old data are never shown as progress');
 });
 

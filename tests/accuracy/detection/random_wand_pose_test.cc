@@ -61,7 +61,8 @@ TEST(RandomWandPose, FollowsFromTheSeedAndMovesAsAsked) {
 }
 
 TEST(RandomWandPose, SaysSoWhereNoneFits) {
-  const Target huge = *ParseTarget("wand:0,5,20");
+  Target huge = *ParseTarget("wand:0,0.5,2");
+  huge.marker_positions_m = {0, 5, 20};
   EXPECT_FALSE(RandomWandPose(Lens(), kSize, huge, {}, 1).has_value());
 }
 

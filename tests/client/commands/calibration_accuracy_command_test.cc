@@ -86,13 +86,40 @@ TEST_F(AccuracyCommand, TableIsInMillimetres) {
 
 TEST_F(AccuracyCommand, StatesTheErrorFreeOfTheFrameFirst) {
   const std::string text = Rigcal({"c-1", "--point", "1,2,3"}).out;
-  const auto calibration = text.find("calibration alone  0.610 mm");
+  const auto calibration = text.find("shape of the rig   0.610 mm");
   const auto frame = text.find("rig frame          8.300 mm");
   ASSERT_NE(calibration, std::string::npos) << text;
   ASSERT_NE(frame, std::string::npos) << text;
   EXPECT_LT(calibration, frame);
   EXPECT_LT(frame, text.find("In the frame of the reference camera"));
   EXPECT_THAT(text, HasSubstr("centres' noise     0.420 mm (centres good to 0.30 px)"));
+}
+
+// What the calibration says of itself, by the same name and with the same number.
+TEST_F(AccuracyCommand, HasTheHeadlineOfTheCalibration) {
+  v1::Calibration& calibration = fake_.calibrations["c-1"];
+  calibration.mutable_headline()->set_point_error_m(0.00378);
+  const std::string text = Rigcal({"c-1"}).out;
+  EXPECT_THAT(text, HasSubstr("expected error     3.78 mm"));
+  const std::string line = text.substr(0, text.find('\n'));
+  EXPECT_THAT(
+      rigcal::testing::Rigcal({"calibration", "get", "c-1", "--server", fake_.address()}).out,
+      HasSubstr(line));
+}
+
+// As in the calibration, and not the end of a bin.
+TEST_F(AccuracyCommand, ResidualsHaveTheFiguresOfTheCalibration) {
+  v1::CameraResiduals* left = fake_.residuals.add_cameras();
+  left->set_camera(fake_.calibrations["c-1"].cameras(0).camera());
+  left->set_bin_px(0.05);
+  left->add_inlier_counts(10);
+  auto* inlier =
+      fake_.calibrations["c-1"].mutable_cameras(0)->mutable_residuals()->mutable_inlier();
+  inlier->set_median_px(0.321);
+  inlier->set_p95_px(0.987);
+  const std::string text =
+      rigcal::testing::Rigcal({"calibration", "residuals", "c-1", "--server", fake_.address()}).out;
+  EXPECT_THAT(text, AllOf(HasSubstr("0.321"), HasSubstr("0.987"), Not(HasSubstr("0.050"))));
 }
 
 TEST_F(AccuracyCommand, SaysWhereNothingIsSeen) {

@@ -74,6 +74,19 @@ TEST(LiveScreen, HasWhatMatters) {
   EXPECT_THAT(text, Not(HasSubstr("\x1b")));
 }
 
+TEST(LiveScreen, SaysThatASessionHasFinished) {
+  v1::LiveState live = Wave();
+  live.mutable_session()->set_state(v1::Session::STATE_FINISHED);
+  live.clear_goal();
+  EXPECT_THAT(Text(live, {.columns = 200, .rows = 40}),
+              HasSubstr("the last estimate of a session that has finished"));
+  live.clear_estimate();
+  const std::string results = "rigcal calibration list --session wave has its results";
+  EXPECT_THAT(Text(live, {.columns = 200, .rows = 40}), HasSubstr(results));
+  EXPECT_THAT(FormatLiveLine(live), HasSubstr(results));
+  EXPECT_THAT(FormatLiveLine(live), Not(HasSubstr("of 2 cameras")));
+}
+
 TEST(LiveScreen, FitsTheTerminal) {
   v1::LiveState live = Wave();
   live.mutable_cameras(0)->set_camera(std::string(60, 'x'));

@@ -19,7 +19,7 @@ struct Outcome {
   std::string error() const { return std::string(task.status().message()); }
 };
 
-// A program with the commands "session list", "session create" and "export".
+// A program with the commands "session list", "get" and "create", "local" and "export".
 Outcome Parse(const std::vector<std::string>& arguments) {
   CLI::App app("A program of a test", "prog");
   std::string level, target, id, output;
@@ -28,6 +28,11 @@ Outcome Parse(const std::vector<std::string>& arguments) {
   CLI::App* const session = app.add_subcommand("session");
   session->require_subcommand(1);
   session->add_subcommand("list");
+  session->add_subcommand("get");
+  CLI::App* const local = app.add_subcommand("local");
+  std::string data, accept;
+  local->add_option("--data", data)->required();
+  local->add_option("--accept-mm", accept);
   CLI::App* const create = session->add_subcommand("create");
   create->add_option("--target", target)->required();
   CLI::App* const files = app.add_subcommand("export");
@@ -77,8 +82,12 @@ TEST(CommandLine, WhatWasProbablyMeantIsNamed) {
       {{"export", "a", "-output", "x"}, "it is --output"},
       {{"session", "list", "--log-level", "x"},
        "--log-level is an option of prog: write it in front"},
-      {{"session"}, "list, create"},
-      {{"frobnicate"}, "session, export"},
+      {{"session"}, "list, get, create"},
+      {{"frobnicate"}, "session, local, export"},
+      {{"session", "show", "wave"}, "did you mean 'prog session get'?"},
+      {{"session", "ls"}, "did you mean 'prog session list'?"},
+      {{"local", "--data", "x", "--accept", "2"}, "did you mean --accept-mm?"},
+      {{"local", "folder"}, "did you mean --data folder?"},
       {{"export", "a", "b"}, "'b' is one argument too many"},
       {{"export", "a", "--out", "x"}, "it is --output DIR now"},
       {{"export", "a", "--out"}, "it is --output DIR now"},

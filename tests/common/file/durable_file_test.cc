@@ -14,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "common/file/may_write.h"
 #include "tests/common/file/failing_files.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
@@ -25,6 +26,7 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 // What the disk takes of a file; the program is told by errors, not by a signal.
@@ -187,6 +189,24 @@ TEST_F(DurableFileTest, ErrorsNameThePath) {
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("taken")));
   EXPECT_EQ(*ReadSmallFile(Path("taken")), "old");
   EXPECT_THAT(SyncFolder(Path("no")), StatusIs(absl::StatusCode::kNotFound, HasSubstr("no")));
+}
+
+TEST_F(DurableFileTest, NamesTheFolderThatIsMissingAndNoTemporaryFile) {
+  const fs::path path = Path("nodir") / "a.csv";
+  for (const absl::Status& status : {WriteOutputFile(path, "x"), CheckOutputFile(path, true)}) {
+    EXPECT_THAT(status, StatusIs(absl::StatusCode::kNotFound,
+                                 AllOf(HasSubstr("no folder " + Path("nodir").string()),
+                                       HasSubstr(path.string()), Not(HasSubstr(".new")))));
+  }
+}
+
+TEST_F(DurableFileTest, AFileOfAUserStaysWithoutForce) {
+  EXPECT_THAT(WriteOutputFile(Path("a.csv"), "x"), IsOk());
+  EXPECT_THAT(CheckOutputFile(Path("a.csv"), false, "--plot"),
+              StatusIs(absl::StatusCode::kAlreadyExists,
+                       AllOf(HasSubstr("--force"), HasSubstr("another --plot"))));
+  EXPECT_THAT(CheckOutputFile(Path("a.csv"), true), IsOk());
+  EXPECT_THAT(CheckOutputFile(Path("b.csv"), false), IsOk());
 }
 
 TEST_F(DurableFileTest, ReadsSmallRegularFilesOnly) {

@@ -33,10 +33,26 @@ TEST(ParseTarget, ReadsEveryOption) {
   EXPECT_EQ(target.span_tolerance_m, 0.001);
 }
 
-TEST(ParseTarget, SortsAlongTheWandAndBeginsAtZero) {
-  ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0.75,-0.25,0.25;hz=3,1,2"));
+TEST(ParseTarget, BeginsAtZero) {
+  ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:-0.25,0.25,0.75;hz=3,1,2"));
   EXPECT_THAT(target.marker_positions_m, ElementsAre(0, 0.5, 1));
-  EXPECT_THAT(target.blink_hz, ElementsAre(1, 2, 3)) << "a frequency stays with its marker";
+  EXPECT_THAT(target.blink_hz, ElementsAre(3, 1, 2));
+}
+
+// Rows name markers by their order.
+TEST(ParseTarget, RefusesAnotherOrderAndNamesBothWands) {
+  EXPECT_THAT(ParseTarget("wand:0.39,0.13,0"),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("mean wand:0,0.13,0.39"), HasSubstr("wand:0,0.26,0.39?"))));
+  EXPECT_THAT(ParseTarget("wand:0,0.39,0.13"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("mean wand:0,0.13,0.39?")));
+}
+
+TEST(ParseTarget, RefusesCentimetres) {
+  EXPECT_THAT(ParseTarget("wand:0,5,15"),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("15 m long"), HasSubstr("wand:0,0.05,0.15"))));
+  EXPECT_THAT(ParseTarget("wand:0,1,4"), IsOk());
 }
 
 TEST(ParseTarget, ReadsAPoint) {
@@ -107,7 +123,7 @@ TEST(ParseTarget, QuotesWhatIsWrongAndShowsARightExample) {
 }
 
 TEST(ParseTarget, AcceptsUpToSixteenMarkers) {
-  EXPECT_THAT(ParseTarget("wand:0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15"), IsOk());
+  EXPECT_THAT(ParseTarget("wand:0,.1,.2,.3,.4,.5,.6,.7,.8,.9,1,1.1,1.2,1.3,1.4,1.5"), IsOk());
 }
 
 TEST(ParseTarget, RefusesLongAndBinaryTextWithAShortMessage) {

@@ -42,7 +42,7 @@ export function progressOf(rig: RigState, stale: boolean): Progress {
   if (!rig.session) return make('no_session', '○', 'No session');
   if (!isCapturing(rig)) {
     if (rig.session.state === 'STATE_CREATED') return make('no_session', '○', 'Ready to start');
-    return rig.goal?.reached ? make('reached', '✓', 'Good enough') : make('ended', '■', 'Stopped');
+    return rig.goal?.reached ? make('reached', '✓', 'Good enough') : make('ended', '■', rig.session.state === 'STATE_FINISHED' ? 'Finished' : 'Stopped');
   }
   if (rig.goal?.reached) return make('reached', '✓', 'Good enough');
   if (nowMm === undefined) {

@@ -56,6 +56,8 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
           <span>{progress.goalMm !== undefined ? `goal ${millimetres(progress.goalMm)} mm` : 'no goal'}</span></p>
       </div>
       <LiveFigureRegion progress={progress} />
+      {!stale && rig.session?.state === 'STATE_FINISHED' && <p class="why">The session has finished{progress.nowMm === undefined
+        ? ': nothing is estimated any more' : ', and this was its last estimate'}. <a href={hashOf('records')}>Its calibrations</a> have the result.</p>}
       {!stale && capturing && rig.goal?.why_not && <p class="why">Goes on: {rig.goal.why_not}.</p>}
       {estimate?.state === 'STATE_FAILED' && <p class="why">✕ {estimate.problem}</p>}
       {volume && estimate && !estimate.scale_known && <p class="why">The scale is not known: there is no error in millimetres.</p>}

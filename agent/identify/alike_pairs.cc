@@ -25,7 +25,7 @@ constexpr double kSmaller = 0.5;
 double RadiusOf(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::pi); }
 
 std::vector<AlikePair> AlikePairs(const ImageView& image, absl::Span<const WholeMarker> wholes,
-                                  double longest_radii, double* work) {
+                                  double longest_radii, bool look_for_stick, double* work) {
   std::vector<AlikePair> pairs;
   for (size_t i = 0; i < wholes.size(); ++i) {
     for (size_t j = i + 1; j < wholes.size(); ++j) {
@@ -49,6 +49,7 @@ std::vector<AlikePair> AlikePairs(const ImageView& image, absl::Span<const Whole
   });
   if (pairs.size() > kMostSticks) pairs.resize(kMostSticks);
   for (AlikePair& pair : pairs) {
+    if (!look_for_stick) break;
     *work -= kWorkOfStick;
     const Blob &a = wholes[pair.first].blob, &b = wholes[pair.last].blob;
     const double ra = RadiusOf(a), rb = RadiusOf(b);

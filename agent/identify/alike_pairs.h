@@ -31,6 +31,6 @@ struct AlikePair {
 // their radii: first those between which a stick is seen, then the most alike and largest. `work`:
 // pixels that may be read, less those that were.
 std::vector<AlikePair> AlikePairs(const ImageView& image, absl::Span<const WholeMarker> wholes,
-                                  double longest_radii, double* work);
+                                  double longest_radii, bool look_for_stick, double* work);
 
 }  // namespace rigcal::agent

@@ -185,7 +185,8 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineIn(const ImageView& 
   const MarkerCentre& centre = measured.centre;
   OutlineExpectation expected;
   Blob around;
-  if (IsOnOutline(outline) || measured.retried || !measured.tried ||
+  if (without_.Has(WandMechanism::kOutlinesByOthers) || IsOnOutline(outline) || measured.retried ||
+      !measured.tried ||
       !ExpectFromOthers(image, wand, marker, &expected, &around.second_moment_px2)) {
     return outline;
   }

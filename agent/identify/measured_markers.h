@@ -10,6 +10,7 @@
 #include "agent/identify/marker_centre.h"
 #include "agent/identify/sphere_outline_fit.h"
 #include "agent/identify/verified_wand.h"
+#include "agent/identify/wand_mechanisms.h"
 
 namespace rigcal::agent {
 
@@ -45,6 +46,7 @@ class MeasuredMarkers {
  public:
   // Before the first search of an image. What was measured of it is not measured again.
   void StartImage();
+  void SetWithout(const WandMechanisms& without) { without_ = without; }
   // `blob_count`: of the span that is passed from now on. `work`: pixels that may be read
   // (MarkerMeter::WorkOf).
   void StartSearch(size_t blob_count, double work);
@@ -98,6 +100,7 @@ class MeasuredMarkers {
   std::vector<int> index_of_;  // by blob of this search; -1: not measured
   double work_ = 0, min_contrast_grey_ = kMinContrastGrey;
   bool out_of_work_ = false;
+  WandMechanisms without_;
 };
 
 }  // namespace rigcal::agent

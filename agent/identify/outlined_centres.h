@@ -5,6 +5,7 @@
 #include "agent/identify/outline_rows.h"
 #include "agent/identify/sphere_outline_fit.h"
 #include "agent/identify/verified_wand.h"
+#include "agent/identify/wand_mechanisms.h"
 
 namespace rigcal::agent {
 
@@ -26,6 +27,6 @@ using OutlinedMarkers = absl::InlinedVector<OutlinedMarker, 3>;
 // white light that shades them or their own that is uneven, which behind a mosaic differs from
 // pixel to pixel, is what fits better.
 void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter,
-                        VerifiedWand* wand);
+                        VerifiedWand* wand, const WandMechanisms& without = {});
 
 }  // namespace rigcal::agent

@@ -288,7 +288,7 @@ void LoosenSight(double radius_px, MarkerSight* sight) {
 PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
                               absl::Span<const WholeMarker> wholes,
                               absl::Span<const Blob> known_parts, size_t max_candidates,
-                              double* work, bool look_for_third) {
+                              double* work, bool look_for_third, bool look_for_stick) {
   PartialWands found;
   if (finder.shares().size() != kMarkers) return found;
   for (const WholeMarker& whole : wholes) found.blobs.push_back(whole.blob);
@@ -305,7 +305,7 @@ PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
     const bool is_seen = finder.Sight(whole.blob.centre_px, &ray);
     rays.push_back(is_seen ? std::optional(ray) : std::nullopt);
   }
-  for (const AlikePair& pair : AlikePairs(image, wholes, longest_radii, work)) {
+  for (const AlikePair& pair : AlikePairs(image, wholes, longest_radii, look_for_stick, work)) {
     const WholeMarker &a = wholes[pair.first], &b = wholes[pair.last];
     if (!rays[pair.first] || !rays[pair.last]) continue;
     const MarkerSight sight_a = SightOf(a.blob, *rays[pair.first]);

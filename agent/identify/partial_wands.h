@@ -34,7 +34,8 @@ struct PartialWands {
 PartialWands FindPartialWands(const ImageView& image, const WandFinder& finder,
                               absl::Span<const WholeMarker> wholes,
                               absl::Span<const Blob> known_parts, size_t max_candidates,
-                              double* work, bool look_for_third = false);
+                              double* work, bool look_for_third = false,
+                              bool look_for_stick = true);
 
 // The least confidence of such a wand where so many places were looked at: two things and a part of
 // a third are found by chance among many. `in_room`: of a lit room, in which there are such things.

@@ -119,10 +119,11 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   }
   const int count = static_cast<int>(wand.blobs.size());
   // A room hardly goes on in the spheres' own light beside each that is measured; a bar does.
-  if (goes_on) return std::nullopt;
+  if (goes_on && !without_.Has(WandMechanism::kBars)) return std::nullopt;
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
   if (wand.fit.cost + Unlikeness(wand, in_room_) > kWorthRestoring) return std::nullopt;
-  if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {
+  if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0) &&
+      !without_.Has(WandMechanism::kRestoredOutlines)) {
     const VerifiedWand before = wand;
     RestoreByOutlines(image, blobs, &markers_, &wand);
     // The outline of a part is not where the others say.
@@ -131,7 +132,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       wand = before;
     }
   }
-  if (in_room_ && wand.fit.cost > kDoubtfulPose) {
+  if (in_room_ && wand.fit.cost > kDoubtfulPose && !without_.Has(WandMechanism::kColourOutlines)) {
     auto coloured = WithColouredOutlines(image, candidate.partial, &markers_, wand);
     if (coloured && FitPose(finder, candidate.partial, &coloured->wand) &&
         coloured->wand.fit.cost + kColourGain < wand.fit.cost) {
@@ -140,6 +141,9 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     }
   }
   const int occluded = wand.OccludedCount();
+  if (occluded > 0 && candidate.partial < 0 && without_.Has(WandMechanism::kHiddenSpheres)) {
+    return std::nullopt;
+  }
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
   // Of all directions few are nearly along the line of sight.
   wand.cost =
@@ -172,7 +176,8 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     if (in_room_ && wand.fit.cost > most_fit) return std::nullopt;
     wand.has_part = true;
     wand.part_share = candidate.partial_share;
-    wand.evidence = PartialEvidence(candidate, wand, UnresolvedCost(wand), in_room_);
+    if (!without_.Has(WandMechanism::kEvidence))
+      wand.evidence = PartialEvidence(candidate, wand, UnresolvedCost(wand), in_room_);
   }
   wand.confidence = ConfidenceOf(wand.cost - wand.evidence);
   return wand;
@@ -278,6 +283,7 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
 }
 
 double WandVerifier::EvidenceOfOutlines(const ImageView& image, const VerifiedWand& wand) {
+  if (without_.Has(WandMechanism::kEvidence)) return 0;
   const bool is_whole = wand.OccludedCount() == 0;
   absl::InlinedVector<OutlineMatch, 2> matches;
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
@@ -299,12 +305,13 @@ bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   OutlinedMarkers markers(wand->blobs.size());
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k] || !markers_.OutlineOf(image, wand->blobs[k])) continue;
-    if (in_room_) markers_.PreferColour(image, wand->blobs[k]);
-    markers_.FitBeside(image, wand->blobs[k]);
+    if (in_room_ && !without_.Has(WandMechanism::kColourOutlines))
+      markers_.PreferColour(image, wand->blobs[k]);
+    if (!without_.Has(WandMechanism::kBesideOutlines)) markers_.FitBeside(image, wand->blobs[k]);
     MeasuredMarker& measured = markers_.OfBlob(wand->blobs[k]);
     markers[k] = {&*measured.outline, &measured.pixels, measured.moved_px};
   }
-  SetOutlinedCentres(markers, markers_.fitter(), wand);
+  SetOutlinedCentres(markers, markers_.fitter(), wand, without_);
   const bool is_proved = wand->cost < kProvedByCost || wand->LargestSigmaRadii() < kProvingSigma;
   if ((wand->has_part || IsByEvidence(*wand)) && !is_proved) return false;
   const size_t seen = wand->blobs.size() - static_cast<size_t>(wand->OccludedCount());
@@ -314,7 +321,8 @@ bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
                              const WandFinder& finder, absl::Span<const WandCandidate> candidates,
                              int tried, bool in_room, double* work) {
-  chance_cost_ = kTriedCost * std::log(1 + tried / kFewTried);
+  chance_cost_ =
+      without_.Has(WandMechanism::kChance) ? 0 : kTriedCost * std::log(1 + tried / kFewTried);
   in_room_ = in_room;
   markers_.StartSearch(blobs.size(), *work);
   size_t count = 0;
@@ -341,7 +349,9 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   for (VerifiedWand& wand : evaluated_) {
     wand.cost += ShapeCost(image, wand);
     if (in_room_) {
-      const int alike = std::min(ThingsLike(image, blobs, wand).near_count, kMostAlikeThings);
+      const int alike = without_.Has(WandMechanism::kAlikeThings)
+                            ? 0
+                            : std::min(ThingsLike(image, blobs, wand).near_count, kMostAlikeThings);
       wand.evidence += EvidenceOfOutlines(image, wand) -
                        (wand.has_part ? kAlikePartEvidence : kAlikeEvidence) * alike;
     }
@@ -349,7 +359,8 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   }
   Verdict verdict = ChooseWand(min_confidence_, &evaluated_);
   // Not of its rivals: they are in the row, too.
-  if (verdict.wand && in_room_ && ThingsLike(image, blobs, *verdict.wand).go_on_as_row) {
+  if (verdict.wand && in_room_ && !without_.Has(WandMechanism::kAlikeThings) &&
+      ThingsLike(image, blobs, *verdict.wand).go_on_as_row) {
     verdict.wand->evidence -= kRowEvidence;
     verdict.wand->confidence = ConfidenceOf(verdict.wand->cost - verdict.wand->evidence);
     if (!IsConfident(*verdict.wand, min_confidence_)) verdict.wand.reset();

@@ -8,6 +8,7 @@
 #include "agent/identify/verified_wand.h"
 #include "agent/identify/wand_choice.h"
 #include "agent/identify/wand_finder.h"
+#include "agent/identify/wand_mechanisms.h"
 
 namespace rigcal::agent {
 
@@ -19,7 +20,10 @@ class WandVerifier {
   // In cost before it is measured, of what need not be.
   static constexpr double kClearlyWorse = 8;
 
-  explicit WandVerifier(double min_confidence) : min_confidence_(min_confidence) {}
+  explicit WandVerifier(double min_confidence, const WandMechanisms& without = {})
+      : min_confidence_(min_confidence), without_(without) {
+    markers_.SetWithout(without);
+  }
 
   // Before the first Verify of an image. What was measured of it is not measured again.
   void StartImage() { markers_.StartImage(); }
@@ -50,6 +54,7 @@ class WandVerifier {
   double ConfidenceOf(double cost) const;
 
   double min_confidence_;
+  WandMechanisms without_;
   double chance_cost_ = 0;
   bool in_room_ = false;
   MeasuredMarkers markers_;

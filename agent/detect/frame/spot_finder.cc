@@ -153,14 +153,16 @@ bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect&
 
 }  // namespace
 
-SpotFinder::SpotFinder(const BlobFinderOptions& options)
-    : min_area_px_(options.min_area_px),
+SpotFinder::SpotFinder(const BlobFinderOptions& options, const WandMechanisms& without)
+    : without_(without),
+      min_area_px_(options.min_area_px),
       colour_(options.colour),
       main_channel_(MainChannel(options.colour)),
       contrast_(main_channel_, WeakestChannel(options.colour)) {}
 
-absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options) {
-  SpotFinder finder(options);
+absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options,
+                                              const WandMechanisms& without) {
+  SpotFinder finder(options, without);
   for (const LevelRange& level : kLevels) {
     BlobFinderOptions its = options;
     its.max_runs = std::min(its.max_runs, kMaxRuns);
@@ -368,7 +370,7 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
       continue;
     }
     masked_px_left_ -= box_px(*blob);
-    if (kLevels[level_].white) {
+    if (kLevels[level_].white && !without_.Has(WandMechanism::kColouredPatches)) {
       for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box, bright).blobs) {
         if (coloured.area_px < blob->area_px && IsRound(coloured)) {
           Keep(image, coloured, is_cut(*blob));
@@ -380,14 +382,18 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
       continue;
     }
     split_px_left_ -= box_px(*blob);
-    for (const Blob& disc : discs_.Find(image, finder, *blob, min_area_px_, bright)) {
-      Keep(image, disc, is_cut(*blob));
+    if (!without_.Has(WandMechanism::kDiscs)) {
+      for (const Blob& disc : discs_.Find(image, finder, *blob, min_area_px_, bright)) {
+        Keep(image, disc, is_cut(*blob));
+      }
     }
+    if (without_.Has(WandMechanism::kPieces)) continue;
     for (const Blob& piece : splitter_.Split(image, *blob, min_area_px_)) {
       Keep(image, piece, is_cut(*blob));
     }
   }
-  KeepPairs(image, part);
+  if (!without_.Has(WandMechanism::kDiscPairs)) KeepPairs(image, part);
+  if (without_.Has(WandMechanism::kSpotsBefore)) spots_before_.clear();
   for (const Spot& spot : spots_before_) KeepOfLevelBefore(spot);
   found_ += static_cast<int>(std::min(spots_.size(), kMaxSpots));
   if (spots_.size() <= kMaxSpots) return;

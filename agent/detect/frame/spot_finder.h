@@ -14,6 +14,7 @@
 #include "agent/detect/blobs/blob_splitter.h"
 #include "agent/detect/blobs/contrast_masker.h"
 #include "agent/detect/blobs/disc_finder.h"
+#include "agent/identify/wand_mechanisms.h"
 
 namespace rigcal::agent {
 
@@ -53,7 +54,8 @@ class SpotFinder {
   static constexpr size_t kContrastLevel = 9;
 
   // INVALID_ARGUMENT: options not valid.
-  static absl::StatusOr<SpotFinder> Create(const BlobFinderOptions& options);
+  static absl::StatusOr<SpotFinder> Create(const BlobFinderOptions& options,
+                                           const WandMechanisms& without = {});
 
   // Pixels that never belong to a marker from now on, of the images' size.
   void SetIgnored(const PixelMask& ignored);
@@ -93,7 +95,7 @@ class SpotFinder {
     ColourMasker masker;
   };
 
-  explicit SpotFinder(const BlobFinderOptions& options);
+  SpotFinder(const BlobFinderOptions& options, const WandMechanisms& without);
   bool HasColour(const ImageView& image, const Blob& blob) const;
   // `pair`: one of two discs that this blob may be.
   void Keep(const ImageView& image, const Blob& blob, bool is_cut, int pair = -1);
@@ -101,6 +103,7 @@ class SpotFinder {
   // What the level before has found, where this one has nothing that looks more like a sphere.
   void KeepOfLevelBefore(Spot spot);
 
+  WandMechanisms without_;
   std::vector<Level> levels_;
   size_t level_ = 0;
   int min_area_px_;

@@ -36,7 +36,7 @@ WandDetector::WandDetector(const WandDetectorOptions& options, const Target& tar
       target_(target),
       camera_(camera),
       search_(options, options.colour.washed_out_min,
-              ShortLightTimeSigma(options.exposure_s, target) > 0, target, camera,
+              ShortLightTimeSigma(options.exposure_s, target) > 0, options.without, target, camera,
               std::move(spot_finder)),
       short_light_sigma_s_(ShortLightTimeSigma(options.exposure_s, target)),
       light_sigma_s_(std::max(short_light_sigma_s_, LightTimeSigma(options.exposure_s, target))) {}
@@ -102,7 +102,7 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
   }
-  RIGCAL_ASSIGN_OR_RETURN(SpotFinder spot_finder, SpotFinder::Create(options));
+  RIGCAL_ASSIGN_OR_RETURN(SpotFinder spot_finder, SpotFinder::Create(options, options.without));
   return WandDetector(options, target, camera, std::move(spot_finder));
 }
 

@@ -59,13 +59,14 @@ bool IsSurelyHidden(const VerifiedWand& wand) {
 }  // namespace
 
 WandSearch::WandSearch(const WandLimits& limits, int washed_out_min, bool may_be_dim,
-                       const Target& target, const CameraDescription& camera,
-                       SpotFinder spot_finder)
+                       const WandMechanisms& without, const Target& target,
+                       const CameraDescription& camera, SpotFinder spot_finder)
     : washed_out_min_(washed_out_min),
-      may_be_dim_(may_be_dim),
+      may_be_dim_(may_be_dim && !without.Has(WandMechanism::kDimLevel)),
+      without_(without),
       image_size_px_(camera.image_size_px),
       wand_finder_({.limits = limits, .max_candidates = kMaxCandidates}, target, camera),
-      verifier_(limits.min_confidence),
+      verifier_(limits.min_confidence, without),
       spot_finder_(std::move(spot_finder)) {}
 
 void WandSearch::StartImage() {
@@ -102,7 +103,8 @@ Verdict WandSearch::SearchAll(const ImageView& image) {
   Verdict verdict = SearchLevels(image, &of_parts);
   const auto has_none = [&] { return !verdict.wand && !verdict.ambiguous && !of_parts; };
   if (has_none() && parts_left_) verdict = SearchPartial(image, spot_finder_.spots(), 0);
-  if (has_none() && !by_evidence_ && !contrast_spots_.empty() && EstimatedMs() < kThirdMs) {
+  if (has_none() && !without_.Has(WandMechanism::kThirdByContrast) && !by_evidence_ &&
+      !contrast_spots_.empty() && EstimatedMs() < kThirdMs) {
     verifier_.RequireContrast(SpotFinder::ContrastGreyOf(SpotFinder::kContrastLevel));
     verdict = SearchPartial(image, contrast_spots_, 0, true);
   }
@@ -141,7 +143,9 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
   bool has_tried_contrast = false;
   // What stands out of a lit room. Rivals are told apart in other levels.
   const auto search_contrast = [&](bool only_if_few) {
-    if (has_tried_contrast || *of_parts || !(is_white || IsLit(image))) return false;
+    if (without_.Has(WandMechanism::kContrastLevel) || has_tried_contrast || *of_parts ||
+        !(is_white || IsLit(image)))
+      return false;
     const bool found = search(SpotFinder::kContrastLevel, only_if_few);
     has_tried_contrast = !only_if_few || result().over_limit == 0;
     if (found && !has_rivals_) return true;
@@ -151,6 +155,7 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
   };
   for (const size_t level : SpotFinder::kWideLevels) {
     if (is_white) break;
+    if (level > 0 && without_.Has(WandMechanism::kBrighterLevels)) break;
     if (search(level) && !has_rivals_) return verdict;
     // A window's slats look alike, but have no colour.
     if (has_rivals_) break;
@@ -159,17 +164,24 @@ Verdict WandSearch::SearchLevels(const ImageView& image, std::optional<VerifiedW
     const bool is_much = is_crowded && passed_share_ > kMuchOfItsColour;
     if (!is_much && search_contrast(is_crowded)) return verdict;
     if (!is_crowded) break;
-    if (level == 0 && passed_share_ > kMostlyItsColour && IsLit(image)) {
+    if (level == 0 && passed_share_ > kMostlyItsColour && IsLit(image) &&
+        !without_.Has(WandMechanism::kWhitenedLevel)) {
       if (search(SpotFinder::kWhitenedLevel) && !has_rivals_) return verdict;
     }
   }
   // No light of a dark room whitens a sphere.
   if (!is_white && !IsLit(image)) {
-    if (has_rivals_ || (passed_share_ > 0 && search(SpotFinder::kClippedLevel))) return verdict;
+    if (has_rivals_ || (passed_share_ > 0 && !without_.Has(WandMechanism::kClippedLevel) &&
+                        search(SpotFinder::kClippedLevel)))
+      return verdict;
     if (may_be_dim_) search(SpotFinder::kDimLevel);
     return verdict;
   }
   for (const size_t level : SpotFinder::kPaleLevels) {
+    if (without_.Has(WandMechanism::kPaleLevels)) {
+      if (search_contrast(false)) return verdict;
+      break;
+    }
     if (search(level) || search_contrast(false)) return verdict;
   }
   if (may_be_dim_ && EstimatedMs() < kDimMs && search(SpotFinder::kDimLevel)) return verdict;
@@ -298,6 +310,7 @@ Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t
 // A wand of which one marker is mostly hidden. `kept_work` is for what follows.
 Verdict WandSearch::SearchPartial(const ImageView& image, absl::Span<const Spot> spots,
                                   double kept_work, bool look_for_third) {
+  if (without_.Has(WandMechanism::kPartialWands)) return {};
   std::vector<WholeMarker> wholes;
   for (const Spot& spot : spots) {
     if (!IsRound(spot.blob) || spot.blob.touches_border || spot.is_half) continue;
@@ -317,8 +330,8 @@ Verdict WandSearch::SearchPartial(const ImageView& image, absl::Span<const Spot>
     }
     for (const Blob& blob : result().blobs) parts.push_back(blob);
   }
-  PartialWands found =
-      FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places, look_for_third);
+  PartialWands found = FindPartialWands(image, wand_finder_, wholes, parts, kMaxPartial, &places,
+                                        look_for_third, !without_.Has(WandMechanism::kStickSight));
   budget_.GiveBackWork(std::max(0.0, places) + to_verify);
   double work = budget_.TakeWork(kWorkOfLevel);
   standing_out_ = std::move(found.blobs);

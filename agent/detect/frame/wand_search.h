@@ -21,8 +21,9 @@ class WandSearch {
  public:
   // Options, target and camera must be valid. `washed_out_min`: see ColourRange. `may_be_dim`: the
   // exposure may have caught a part of the spheres' light only.
-  WandSearch(const WandLimits& limits, int washed_out_min, bool may_be_dim, const Target& target,
-             const CameraDescription& camera, SpotFinder spot_finder);
+  WandSearch(const WandLimits& limits, int washed_out_min, bool may_be_dim,
+             const WandMechanisms& without, const Target& target, const CameraDescription& camera,
+             SpotFinder spot_finder);
 
   SpotFinder& spot_finder() { return spot_finder_; }
   const WandFinder& wand_finder() const { return wand_finder_; }
@@ -62,6 +63,7 @@ class WandSearch {
 
   int washed_out_min_;
   bool may_be_dim_;
+  WandMechanisms without_;
   ImageSize image_size_px_;
   WandFinder wand_finder_;
   WandVerifier verifier_;

@@ -32,7 +32,6 @@ constexpr double kLeastEdgeNoise = 0.55;
 constexpr double kPlacePerEdge = 2.0 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundError = 0.22;  // widths of an edge, per step behind over the contrast
 constexpr double kNeighbourPx = 0.05;      // of the edge, where something else is near
-constexpr double kBesideError = 0.9;       // of what the background right beside it moved a centre
 // Of arcs: sectors that are known, of which the stick takes some; the radius that is enough of what
 // is expected; how far a clear gap's edges are off an ellipse, chi-squared.
 constexpr int kLeastKnown = 6, kFewKnown = 9;
@@ -72,14 +71,15 @@ double SlopeSigma(const FittedOutlines& fitted, bool own) {
 
 // The outlines with the kind of light, the same on all spheres, that fits better.
 FittedOutlines WithTheirLight(const OutlinedMarkers& markers, const VerifiedWand& wand,
-                              SphereOutlineFitter* fitter, SphereShading* light) {
+                              bool may_be_white, SphereOutlineFitter* fitter,
+                              SphereShading* light) {
   FittedOutlines own(markers.size()), white(markers.size());
   double gained = 0;
   for (size_t k = 0; k < markers.size(); ++k) {
     if (markers[k].outline == nullptr) continue;
     own[k] = white[k] = *markers[k].outline;
     // Even light, as in a dark room, needs no other model.
-    if (own[k]->slope_chi_squared < kEvenLight * ScatterOf(*own[k])) continue;
+    if (!may_be_white || own[k]->slope_chi_squared < kEvenLight * ScatterOf(*own[k])) continue;
     if (!fitter->Fit(*markers[k].pixels, wand.centres[k].second_moment_px2, {.white = true},
                      &*white[k])) {
       white[k] = own[k];
@@ -94,8 +94,13 @@ FittedOutlines WithTheirLight(const OutlinedMarkers& markers, const VerifiedWand
 // A wand's centres, step by step.
 class OutlinedCentres {
  public:
-  OutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter, VerifiedWand* wand)
-      : markers_(markers), fitter_(*fitter), wand_(*wand), outlines_(markers.size()) {}
+  OutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter, VerifiedWand* wand,
+                  const WandMechanisms& without)
+      : without_(without),
+        markers_(markers),
+        fitter_(*fitter),
+        wand_(*wand),
+        outlines_(markers.size()) {}
 
   void Set() {
     for (size_t k = 0; k < markers_.size(); ++k) {
@@ -103,13 +108,15 @@ class OutlinedCentres {
         MarkStick(wand_, k, *markers_[k].outline, markers_[k].pixels);
       }
     }
-    fitted_ = WithTheirLight(markers_, wand_, &fitter_, &light_);
+    fitted_ = WithTheirLight(markers_, wand_, !without_.Has(WandMechanism::kLambertShading),
+                             &fitter_, &light_);
     slope_sigma_ = SlopeSigma(fitted_, true);
     light_sigma_ = SlopeSigma(fitted_, false);
     FitOutlines();
+    arcs_.resize(markers_.size());
+    doubt_px_.assign(markers_.size(), 0);
     FindArcs();
     scatters_ = ScatterOf(outlines_);
-    for (size_t k = 0; k < markers_.size(); ++k) CountUnsure(k);
     arced_ = outlines_;
     for (size_t k = 0; k < markers_.size(); ++k) {
       if (!wand_.whole[k]) continue;
@@ -148,11 +155,10 @@ class OutlinedCentres {
 
   // What hides a part of an outline is left out; a marker of which too little is left is not whole.
   void FindArcs() {
-    arcs_.resize(markers_.size());
-    doubt_px_.assign(markers_.size(), 0);
     const FittedOutlines first = outlines_;
     for (size_t k = 0; k < markers_.size(); ++k) {
       if (!outlines_[k]) continue;
+      if (without_.Has(WandMechanism::kVisibleArcs) && !wand_.centres[k].cut) continue;
       const ArcExpectation expected = ArcExpectationOf(wand_, first, k);
       arcs_[k] =
           FindVisibleArc(*markers_[k].pixels, wand_.centres[k].second_moment_px2,
@@ -184,22 +190,10 @@ class OutlinedCentres {
     }
   }
 
-  // What is a sphere, and how its edge scatters, is told by all pixels; its place by those whose
-  // background is known.
-  void CountUnsure(size_t k) {
-    if (!outlines_[k]) return;
-    OutlinePixels& pixels = arcs_[k].is_all() ? *markers_[k].pixels : arcs_[k].pixels;
-    if (!pixels.CountUnsure()) return;
-    SphereOutline outline = *outlines_[k];
-    if (fitter_.Fit(pixels, wand_.centres[k].second_moment_px2, LightOver(scatters_[k].noise),
-                    &outline)) {
-      outlines_[k] = outline;
-    }
-  }
-
   void SetByOutline(size_t k) {
     MarkerCentre& centre = wand_.centres[k];
-    const OutlineExpectation expected = ExpectationOf(wand_, outlines_, k);
+    OutlineExpectation expected = ExpectationOf(wand_, outlines_, k);
+    if (without_.Has(WandMechanism::kOtherSpheres)) expected = {};
     if (IsPartlyHidden(wand_, outlines_, k, expected, PixelsOf(k))) {
       wand_.whole[k] = false;
       return;
@@ -226,8 +220,7 @@ class OutlinedCentres {
     const double background_px2 =
         std::max(Squared(kBackgroundError * outline.edge_px * centre.background_steps),
                  centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
-    double noise = std::max(scatters_[k].noise, kLeastEdgeNoise);
-    if (markers_[k].pixels->by_colour) noise *= kSharedNoise;
+    const double noise = std::max(scatters_[k].noise, kLeastEdgeNoise);
     centre.covariance_px2 = noise / outline.follows * outline.covariance_px2 +
                             kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     // What is not on an ellipse may be hidden in part, or more than was left out.
@@ -242,8 +235,6 @@ class OutlinedCentres {
       }
     }
     WidenByNear(k, outline.edge_px);
-    const Eigen::Vector2d moved_px = kBesideError * markers_[k].moved_px;
-    centre.covariance_px2 += moved_px * moved_px.transpose();
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
     const double sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace());
@@ -313,6 +304,7 @@ class OutlinedCentres {
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
   }
 
+  WandMechanisms without_;
   const OutlinedMarkers& markers_;
   SphereOutlineFitter& fitter_;
   VerifiedWand& wand_;
@@ -330,8 +322,8 @@ class OutlinedCentres {
 }  // namespace
 
 void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter,
-                        VerifiedWand* wand) {
-  OutlinedCentres(markers, fitter, wand).Set();
+                        VerifiedWand* wand, const WandMechanisms& without) {
+  OutlinedCentres(markers, fitter, wand, without).Set();
 }
 
 }  // namespace rigcal::agent

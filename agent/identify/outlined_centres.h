@@ -5,14 +5,14 @@
 #include "agent/identify/outline_rows.h"
 #include "agent/identify/sphere_outline_fit.h"
 #include "agent/identify/verified_wand.h"
+#include "agent/identify/wand_mechanisms.h"
 
 namespace rigcal::agent {
 
 // By marker; null where the outline cannot be fitted.
 struct OutlinedMarker {
-  const SphereOutline* outline = nullptr;              // with any slope of the light
-  OutlinePixels* pixels = nullptr;                     // changed: MarkStick, CountUnsure
-  Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();  // MeasuredMarker::moved_px
+  const SphereOutline* outline = nullptr;  // with any slope of the light
+  OutlinePixels* pixels = nullptr;         // changed: MarkStick
 };
 using OutlinedMarkers = absl::InlinedVector<OutlinedMarker, 3>;
 
@@ -26,6 +26,6 @@ using OutlinedMarkers = absl::InlinedVector<OutlinedMarker, 3>;
 // white light that shades them or their own that is uneven, which behind a mosaic differs from
 // pixel to pixel, is what fits better.
 void SetOutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter,
-                        VerifiedWand* wand);
+                        VerifiedWand* wand, const WandMechanisms& without = {});
 
 }  // namespace rigcal::agent

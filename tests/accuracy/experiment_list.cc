@@ -6,11 +6,29 @@
 namespace rigcal::accuracy {
 
 std::vector<Experiment> AllExperiments() {
-  return {Crb(),          Consistency(),   Clocks(),         Starts(),       LineDelays(),
-          Robustness(),   Doctor(),        Real(),           Halves(),       Sparse(),
-          Monitor(),      Flight(),        UntilMm(),        Triangulate(),  Origin(),
-          Scale(),        Detection(),     DetectionScore(), AmbientLight(), EventDetection(),
-          EventLatency(), BlinkFrequency()};
+  return {Crb(),
+          Consistency(),
+          Clocks(),
+          Starts(),
+          LineDelays(),
+          Robustness(),
+          Doctor(),
+          Real(),
+          Halves(),
+          Sparse(),
+          Monitor(),
+          Flight(),
+          UntilMm(),
+          Triangulate(),
+          Origin(),
+          Scale(),
+          Detection(),
+          DetectionScore(),
+          DetectionValueExperiment(),
+          AmbientLight(),
+          EventDetection(),
+          EventLatency(),
+          BlinkFrequency()};
 }
 
 }  // namespace rigcal::accuracy

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/detect/frame/image_exposure.h"
+#include "agent/detect/frame/other_spacing.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -36,7 +37,7 @@ WandDetector::WandDetector(const WandDetectorOptions& options, const Target& tar
       target_(target),
       camera_(camera),
       search_(options, options.colour.washed_out_min,
-              ShortLightTimeSigma(options.exposure_s, target) > 0, target, camera,
+              ShortLightTimeSigma(options.exposure_s, target) > 0, options.without, target, camera,
               std::move(spot_finder)),
       short_light_sigma_s_(ShortLightTimeSigma(options.exposure_s, target)),
       light_sigma_s_(std::max(short_light_sigma_s_, LightTimeSigma(options.exposure_s, target))) {}
@@ -140,6 +141,8 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
     Follow(*wand, &detection);
   } else {
     track_.Forget();
+    detection.other_middle_share =
+        OtherSpacing(search_.spot_finder().spots(), search_.wand_finder()).value_or(0);
   }
   return detection;
 }

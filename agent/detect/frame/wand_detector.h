@@ -8,6 +8,7 @@
 #include "agent/detect/frame/wand_search.h"
 #include "agent/detect/frame/wand_track.h"
 #include "agent/identify/detection.h"
+#include "agent/identify/wand_mechanisms.h"
 
 namespace rigcal::agent {
 
@@ -21,6 +22,7 @@ struct WandDetectorOptions : BlobFinderOptions, WandLimits {
   // wand, what the LED's phase leaves open is part of the covariance. Where the exposure is shorter
   // than a blink and the wand is not followed yet, with the usual speed of a hand.
   double exposure_s = 0;
+  WandMechanisms without;  // what is left out of the search, for experiments
 
   // Every fault.
   absl::Status Validate() const;

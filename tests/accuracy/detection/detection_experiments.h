@@ -10,6 +10,7 @@ Experiment AmbientLight();
 Experiment BlinkFrequency();
 Experiment Detection();
 Experiment DetectionScore();
+Experiment DetectionValueExperiment();
 Experiment EventDetection();
 Experiment EventLatency();
 

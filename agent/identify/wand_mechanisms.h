@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+namespace rigcal::agent {
+
+// Parts of the search for a wand that can be left out, to measure what each is worth
+// (`rigcal-accuracy detection_value --without`).
+enum class WandMechanism : uint32_t {
+  kEvidence,          // how well all outlines fit and how alike the colours are, in a lit room
+  kRestoredOutlines,  // spheres that are whole by their outlines only
+  kLambertShading,    // white light as Lambert's law has it
+  kVisibleArcs,       // a part of an outline that something hides is left out
+  kOtherSpheres,      // the size and softness that the others say, of centres
+  kPaleLevels,        // colours paler than configured
+  kDimLevel,          // spheres half as bright as configured, of exposures shorter than a blink
+};
+
+// Those that are left out.
+class WandMechanisms {
+ public:
+  void Insert(WandMechanism mechanism) { bits_ |= Bit(mechanism); }
+  bool Has(WandMechanism mechanism) const { return (bits_ & Bit(mechanism)) != 0; }
+
+ private:
+  static uint32_t Bit(WandMechanism mechanism) {
+    return uint32_t{1} << static_cast<uint32_t>(mechanism);
+  }
+
+  uint32_t bits_ = 0;
+};
+
+}  // namespace rigcal::agent

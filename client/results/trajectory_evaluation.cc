@@ -27,10 +27,12 @@ constexpr double kExplains = 5;
 constexpr double kNoFit = 0.25;
 // From this share on other causes are looked for.
 constexpr double kPoorFit = 0.05;
+constexpr double kGoodFit = 1e-4;  // and up to this nothing is
 // What an offset that grows with time must explain of the squared errors to be looked at, and what
 // it must divide the median by to be told.
 constexpr double kRateShare = 0.1, kRateExplains = 2;
 constexpr double kLongSpacingS = 2;
+constexpr double kWorthSayingM = 1e-6;
 
 absl::Status CheckPairs(const std::vector<PositionPair>& pairs, size_t without,
                         const Trajectories& estimate, const Trajectories& truth) {
@@ -132,7 +134,9 @@ std::string FormatSpacing(const Trajectories& all) {
 // Whether errors along the motion grow with time, or are large anyhow: to first order an error of
 // the clock is the velocity times an offset that grows.
 bool RateMayMatter(const Similarity& fit, const std::vector<PositionPair>& pairs, double median_m) {
-  if (median_m > kPoorFit * ExtentOf(pairs)) return true;
+  const double extent_m = ExtentOf(pairs);
+  if (median_m < kGoodFit * extent_m) return false;
+  if (median_m > kPoorFit * extent_m) return true;
   double first_s = pairs.front().time_s, last_s = first_s;
   for (const PositionPair& pair : pairs) {
     first_s = std::min(first_s, pair.time_s);
@@ -221,7 +225,7 @@ void NoteTimes(const TrajectoryMatch& match, const Trajectories& interpolated,
         "interpolated");
   }
   const double error_m = InterpolationErrorM(interpolated.begin()->second);
-  if (error_m > 0.3 * result->median_m) {
+  if (error_m > 0.3 * result->median_m && error_m > kWorthSayingM) {
     result->notes.push_back(absl::StrCat("of the error about ", FormatFixed(1000 * error_m, 3),
                                          " mm can be interpolation between rows ",
                                          FormatFixed(1000 * match.interpolated_spacing_s(), 0),
@@ -277,18 +281,23 @@ std::string ExplainRate(const Trajectories& estimate, const Trajectories& ground
       WithClock(ground_truth, *factor, ground_truth.begin()->second[0].time_s);
   const auto match = TrajectoryMatch::Make(estimate, changed, options.longest_gap_s);
   if (!match.ok()) return "";
-  const auto offset = FindTimeOffset(*match, {.fit_scale = options.fit_scale});
+  const auto offset =
+      FindTimeOffset(*match, {.fit_scale = options.fit_scale, .longest_offset_s = std::nullopt});
   if (!offset.ok()) return "";
   const std::vector<PositionPair> better = match->PairsAt(*offset).pairs;
   if (better.size() < kFewestPositions || better.size() * 2 < pairs.size()) return "";
-  const double better_m =
-      QuantileOf(DistancesOf(AlignRobustly(better, options.fit_scale), better), 0.5);
+  double unused = 1;
+  const double turned_m = MedianError(better, options.fit_scale, false, &unused);
+  const double mirrored_m = MedianError(better, options.fit_scale, true, &unused);
+  const bool mirrored = kExplains * mirrored_m < turned_m;
+  const double better_m = mirrored ? mirrored_m : turned_m;
   if (!(kRateExplains * better_m < median_m)) return "";
   return absl::StrCat(
       "the clock of the ground truth runs ", FormatFixed(100 * std::abs(1 / *factor - 1), 4),
       " % too ", *factor < 1 ? "fast" : "slow", ": with its times times ", FormatFixed(*factor, 7),
       " the median error would be ", FormatFixed(1000 * better_m, 3), " mm instead of ",
-      FormatFixed(1000 * median_m, 3), " mm");
+      FormatFixed(1000 * median_m, 3), " mm",
+      mirrored ? ", and mirrored: one axis points the other way" : "");
 }
 
 // Nobody samples a moving wand so slowly.

@@ -56,6 +56,14 @@ TEST(EvaluateTrajectoriesClock, NamesAClockThatRunsAtAnotherRate) {
   }
 }
 
+TEST(EvaluateTrajectoriesClock, NamesARateThatAMirroredAxisHides) {
+  Trajectories truth = Waved(100, 0, 60, 1.01, 0.3, 2);
+  for (TrajectoryPoint& point : truth["a"]) point.position_m.x() *= -1;
+  EXPECT_THAT(EvaluateTrajectories(Waved(50, 0, 60, 1, 0, 1), truth, {}),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("too fast"), HasSubstr("mirrored"))));
+}
+
 TEST(EvaluateTrajectoriesClock, SaysNothingOfAGoodClock) {
   ASSERT_OK_AND_ASSIGN(
       const TrajectoryEvaluation result,

@@ -61,6 +61,12 @@ std::string EnumWord(const google::protobuf::EnumDescriptor& type, int value) {
 
 double DegreesFromRadians(double radians) { return radians * 180 / std::numbers::pi; }
 
+std::string FormatMagnitude(double value) {
+  // From 9999.5 on "%.4g" would write a power of ten.
+  return std::abs(value) < 9999.5 ? absl::StrFormat("%.4g", value)
+                                  : absl::StrFormat("%.0f", value);
+}
+
 std::string FormatPointError(double point_error_m, double scale_sigma_rel) {
   const double mm = 1000 * point_error_m;
   // Three digits that say something, as on the page.

@@ -31,6 +31,8 @@ std::string EnumWord(Enum value) {
 
 double DegreesFromRadians(double radians);
 
+// Four digits, or all before the point: "-495.9", "0.05231", "-1000000".
+std::string FormatMagnitude(double value);
 // The headline of a calibration and of a running estimate: "0.29 mm + 0.69 % of every length".
 std::string FormatPointError(double point_error_m, double scale_sigma_rel);
 // "measure the wand to 0.2 mm for a better scale"; empty: the scale is good, or no wand has

@@ -172,7 +172,7 @@ std::string FormatFindings(const v1::Calibration& calibration) {
                         : absl::StrCat("unknown kind ", static_cast<int>(finding.kind())),
                     finding.candidate() ? "candidate" : EnumWord(finding.severity()),
                     finding.camera().empty() ? "(all)" : finding.camera(),
-                    absl::StrFormat("%.4g", finding.value()), finding.unit(), finding.advice()});
+                    FormatMagnitude(finding.value()), finding.unit(), finding.advice()});
     }
     text = "\nFindings\n" + table.Format(2);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/camera/intrinsics.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <string>
@@ -43,6 +44,14 @@ void CheckPrincipalPoint(const char* name, double value, double image_side, Faul
   }
 }
 
+// As of normalised image coordinates: a focal length and a centre that no real image has in pixels.
+bool IsInShares(const Intrinsics& intrinsics, const ImageSize& image_size) {
+  constexpr double kLeastSidePx = 50, kMostFocal = 4, kMostCentre = 1.5;
+  return std::min(image_size.width, image_size.height) >= kLeastSidePx &&
+         std::max(intrinsics.fx_px, intrinsics.fy_px) <= kMostFocal &&
+         std::max(std::abs(intrinsics.cx_px), std::abs(intrinsics.cy_px)) <= kMostCentre;
+}
+
 }  // namespace
 
 int CoefficientCount(DistortionModel model) { return KindOf(model).coefficient_count; }
@@ -63,6 +72,12 @@ absl::Status Intrinsics::Validate(const ImageSize& image_size) const {
   CheckFocalLength("fy_px", fy_px, &faults);
   CheckPrincipalPoint("cx_px", cx_px, image_size.width, &faults);
   CheckPrincipalPoint("cy_px", cy_px, image_size.height, &faults);
+  if (faults.Result().ok() && IsInShares(*this, image_size)) {
+    faults.Add("focal lengths ", fx_px, " and ", fy_px, " and centre (", cx_px, ", ", cy_px,
+               ") are shares of the image, not pixels: multiply fx and cx by its width and fy and "
+               "cy by its height (",
+               image_size.width, ", ", image_size.height, "), or all by what they were divided by");
+  }
   const size_t count = static_cast<size_t>(CoefficientCount(model));
   if (count == 0) {
     faults.Add("distortion model ", static_cast<int>(model), " is unknown");

@@ -21,13 +21,6 @@ auto Key(const MarkerObservation& marker) {
                          marker.centre_kind);
 }
 
-bool SameValues(const Observation& a, const Observation& b) {
-  return std::ranges::equal(a.markers, b.markers,
-                            [](const MarkerObservation& left, const MarkerObservation& right) {
-                              return (!left.visible && !right.visible) || Key(left) == Key(right);
-                            });
-}
-
 // Why an observation is unusable; kUnspecified: it is usable.
 RefusalReason Fault(const Observation& observation, int marker_count) {
   // A source that saw nothing may leave the markers out.
@@ -86,6 +79,13 @@ void RemoveDuplicates(CleanTrack* track, RefusalCounter* refused) {
 }
 
 }  // namespace
+
+bool SameValues(const Observation& a, const Observation& b) {
+  return std::ranges::equal(a.markers, b.markers,
+                            [](const MarkerObservation& left, const MarkerObservation& right) {
+                              return (!left.visible && !right.visible) || Key(left) == Key(right);
+                            });
+}
 
 std::vector<CleanTrack> CleanTracks(std::vector<CameraTrack>* tracks, int marker_count,
                                     RefusalCounter* refused) {

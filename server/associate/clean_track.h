@@ -22,6 +22,9 @@ struct CleanTrack {
   ObservationTable observations;
 };
 
+// Whether two observations show the same, in every value of every visible marker.
+bool SameValues(const Observation& a, const Observation& b);
+
 // Sorts observations and rejects unusable ones. The result depends on the
 // set of observations only: tracks come sorted by (session, camera, clock epoch), and several
 // CameraTracks of one session and camera are taken together. Two observations of one camera, epoch

@@ -3,16 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <map>
-#include <optional>
 #include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/statistics/robust_statistics.h"
+#include "server/associate/clock_steps.h"
+#include "server/associate/stamp_stream.h"
 
 namespace rigcal::server {
 namespace {
@@ -23,60 +23,22 @@ constexpr size_t kMostExchanged = 2;
 constexpr double kTimeForRows = 0.6;  // of their periods
 // Rows that come later or earlier than their stamps say: by up to so many periods.
 constexpr int kMostOutOfPlace = 10;
-constexpr size_t kMinRowsOfEpoch = 30;
-constexpr int64_t kLeastForwardNs = 10'000'000'000;
-constexpr int kLeastForwardPeriods = 50;
-constexpr int64_t kTogetherNs = 2'000'000'000;  // steps of several cameras that are one
-constexpr int kMostLookedUp = 300;              // rows of an epoch that are looked for in others
-constexpr double kClearlyMore = 1.5;            // of its rows are beside those of others
 constexpr double kRepeatShare = 0.1;
 constexpr double kBurstShare = 0.3;
 constexpr double kInBurst = 0.25;  // of the mean time from row to row
 constexpr double kMovedInBurst = 0.5;
 
-struct Row {
-  Observation* observation;
-  int64_t time_ns() const { return observation->time_ns; }
-};
-
-struct Segment {
-  size_t begin, end;     // of the stream's rows
-  int64_t moved_ns = 0;  // added to its stamps
-};
-
-// One camera in one session.
-struct Stream {
-  std::string session_id, camera;
-  bool has_samples = false;
-  std::vector<Row> rows;
-  std::vector<bool> wrong;  // by row, refused
-  int64_t period_ns = 0;
-  size_t out_of_order = 0, put_back = 0;
-  std::vector<Segment> segments;
-};
-
-// Wherever the stamps allow it, without overflow: what clocks say may be anything.
-int64_t Difference(int64_t a, int64_t b) {
-  int64_t difference = 0;
-  if (!__builtin_sub_overflow(a, b, &difference)) return difference;
-  return a < b ? std::numeric_limits<int64_t>::min() / 2 : std::numeric_limits<int64_t>::max() / 2;
-}
-int64_t Sum(int64_t a, int64_t b) {
-  int64_t sum = 0;
-  return __builtin_add_overflow(a, b, &sum) ? a : sum;
-}
-
-int64_t PeriodOf(const std::vector<Row>& rows) {
+int64_t PeriodOf(const std::vector<StampRow>& rows) {
   std::vector<int64_t> steps_ns;
   for (size_t i = 1; i < rows.size(); ++i) {
-    const int64_t step_ns = Difference(rows[i].time_ns(), rows[i - 1].time_ns());
+    const int64_t step_ns = StampDifference(rows[i].time_ns(), rows[i - 1].time_ns());
     if (step_ns > 0) steps_ns.push_back(step_ns);
   }
   return steps_ns.empty() ? 0 : LowerMedian(std::move(steps_ns));
 }
 
 // The rows of a longest subsequence whose stamps do not fall (Fredman 1975).
-std::vector<bool> LongestInOrder(const std::vector<Row>& rows) {
+std::vector<bool> LongestInOrder(const std::vector<StampRow>& rows) {
   std::vector<size_t> tails;  // row that ends the best subsequence of each length
   std::vector<size_t> before(rows.size(), rows.size());
   for (size_t i = 0; i < rows.size(); ++i) {
@@ -97,36 +59,32 @@ std::vector<bool> LongestInOrder(const std::vector<Row>& rows) {
   return in_order;
 }
 
-bool IsSorted(const std::vector<Row>& rows) {
-  return std::ranges::is_sorted(rows, {}, &Row::time_ns);
-}
-
-std::string Seconds(int64_t ns) {
-  return absl::StrFormat("%.6g s", 1e-9 * static_cast<double>(ns));
+bool IsSorted(const std::vector<StampRow>& rows) {
+  return std::ranges::is_sorted(rows, {}, &StampRow::time_ns);
 }
 
 // The rows from `begin` to `end`, out of order, are between others that go on as if nothing had
 // been: there is time for them. A clock that was set leaves none.
-bool IsExcursion(const Stream& stream, size_t begin, size_t end) {
+bool IsExcursion(const StampStream& stream, size_t begin, size_t end) {
   const size_t count = end - begin;
   if (count == 0 || count > kMostWrongTogether) return false;
   // Neighbours that changed places.
   if (count <= kMostExchanged) return true;
   if (begin == 0 || end == stream.rows.size()) return false;
-  const double gap_ns =
-      static_cast<double>(Difference(stream.rows[end].time_ns(), stream.rows[begin - 1].time_ns()));
+  const double gap_ns = static_cast<double>(
+      StampDifference(stream.rows[end].time_ns(), stream.rows[begin - 1].time_ns()));
   return gap_ns >=
          kTimeForRows * static_cast<double>(count + 1) * static_cast<double>(stream.period_ns);
 }
 
 // Single wrong stamps, and streams in another order.
-void PutInOrder(Stream* stream, RefusalCounter* refused) {
-  std::vector<Row>& rows = stream->rows;
+void PutInOrder(StampStream* stream, RefusalCounter* refused) {
+  std::vector<StampRow>& rows = stream->rows;
   std::set<uint32_t> epochs;
-  for (const Row& row : rows) epochs.insert(row.observation->clock_epoch);
+  for (const StampRow& row : rows) epochs.insert(row.observation->clock_epoch);
   // Every few rows the order changes: it says nothing.
   if (rows.size() >= kFewestRows && epochs.size() * 4 > rows.size()) {
-    std::ranges::stable_sort(rows, {}, &Row::time_ns);
+    std::ranges::stable_sort(rows, {}, &StampRow::time_ns);
     stream->out_of_order = epochs.size() - 1;
     stream->period_ns = PeriodOf(rows);
     return;
@@ -151,13 +109,14 @@ void PutInOrder(Stream* stream, RefusalCounter* refused) {
   for (const size_t i : single) {
     const int64_t time_ns = rows[i].time_ns();
     const auto after = std::ranges::lower_bound(right_ns, time_ns);
-    const int64_t until_ns =
-        after == right_ns.end() ? std::numeric_limits<int64_t>::max() : Difference(*after, time_ns);
-    const int64_t since_ns = after == right_ns.begin() ? std::numeric_limits<int64_t>::max()
-                                                       : Difference(time_ns, *std::prev(after));
+    const int64_t until_ns = after == right_ns.end() ? std::numeric_limits<int64_t>::max()
+                                                     : StampDifference(*after, time_ns);
+    const int64_t since_ns = after == right_ns.begin()
+                                 ? std::numeric_limits<int64_t>::max()
+                                 : StampDifference(time_ns, *std::prev(after));
     const int64_t nearest_ns = std::min(until_ns, since_ns);
     const int64_t before_ns = i > 0 ? rows[i - 1].time_ns() : rows[i + 1].time_ns();
-    const int64_t displaced_ns = std::abs(Difference(time_ns, before_ns));
+    const int64_t displaced_ns = std::abs(StampDifference(time_ns, before_ns));
     if (nearest_ns >= stream->period_ns / 2 &&
         displaced_ns <= kMostOutOfPlace * stream->period_ns) {
       back.insert(i);
@@ -166,18 +125,18 @@ void PutInOrder(Stream* stream, RefusalCounter* refused) {
     }
     stream->wrong[i] = true;
     refused->Add(stream->camera, RefusalReason::kClockEpochWithoutOffset, 1,
-                 absl::StrCat("the stamp ", time_ns, " ns is ", Seconds(displaced_ns),
+                 absl::StrCat("the stamp ", time_ns, " ns is ", SecondsText(displaced_ns),
                               " from those around it"));
   }
   stream->out_of_order = back.size();
   // The rows that stay, in the order of their stamps where they were out of it.
-  std::vector<Row> kept;
+  std::vector<StampRow> kept;
   for (size_t i = 0; i < rows.size(); ++i) {
     if (!stream->wrong[i] && !back.contains(i)) kept.push_back(rows[i]);
   }
   for (const size_t i : back) {
     const auto place = std::ranges::find_if(
-        kept, [&](const Row& row) { return row.time_ns() > rows[i].time_ns(); });
+        kept, [&](const StampRow& row) { return row.time_ns() > rows[i].time_ns(); });
     kept.insert(place, rows[i]);
   }
   // Behind the others, so that they can be taken away.
@@ -191,130 +150,15 @@ void PutInOrder(Stream* stream, RefusalCounter* refused) {
             true);
 }
 
-size_t RightRows(const Stream& stream) {
-  return static_cast<size_t>(std::ranges::count(stream.wrong, false));
-}
-
-// Sorted stamps of the other cameras of a session.
-using Times = std::vector<int64_t>;
-using TimesOfOthers = std::function<const Times&(const Stream*)>;
-
-// The share of the rows, moved, at whose time another camera has a row.
-double ShareInCommon(const Stream& stream, const Segment& segment, int64_t moved_ns,
-                     const Times& others_ns) {
-  const int64_t near_ns = std::max<int64_t>(3 * stream.period_ns, 200'000'000);
-  const size_t count = segment.end - segment.begin;
-  const size_t step = count / kMostLookedUp + 1;
-  size_t looked_up = 0, found = 0;
-  for (size_t i = segment.begin; i < segment.end; i += step, ++looked_up) {
-    const int64_t time_ns = Sum(stream.rows[i].time_ns(), moved_ns);
-    const auto after = std::ranges::lower_bound(others_ns, Difference(time_ns, near_ns));
-    found += after != others_ns.end() && Difference(*after, time_ns) <= near_ns ? 1 : 0;
-  }
-  return looked_up == 0 ? 0 : static_cast<double>(found) / static_cast<double>(looked_up);
-}
-
-// Where the stream goes on behind a step, if nothing but the clock had changed.
-int64_t StepNs(const Stream& stream, size_t row) {
-  const int64_t expected_ns = Sum(stream.rows[row - 1].time_ns(), stream.period_ns);
-  return Difference(stream.rows[row].time_ns(), expected_ns);
-}
-
-void FindSteps(Stream* stream, const TimesOfOthers& others) {
-  const size_t count = RightRows(*stream);
-  const int64_t forward_ns = std::max(kLeastForwardNs, kLeastForwardPeriods * stream->period_ns);
-  stream->segments = {{0, count}};
-  for (size_t i = 1; i < count; ++i) {
-    const int64_t step_ns = Difference(stream->rows[i].time_ns(), stream->rows[i - 1].time_ns());
-    if (step_ns >= 0 && step_ns < forward_ns) continue;
-    Segment& last = stream->segments.back();
-    const Segment next = {i, count};
-    if (step_ns >= 0) {
-      const Times& others_ns = others(stream);
-      const double as_it_is = ShareInCommon(*stream, next, 0, others_ns);
-      const double moved = ShareInCommon(*stream, next, -StepNs(*stream, i), others_ns);
-      // A pause, in which nothing was seen.
-      if (2 * as_it_is >= moved) continue;
-    }
-    last.end = i;
-    stream->segments.push_back(next);
-  }
-}
-
-bool StepTogether(const std::vector<Stream*>& streams) {
-  const Stream* first = nullptr;
-  for (const Stream* stream : streams) {
-    if (RightRows(*stream) < kFewestRows) continue;
-    if (first == nullptr) first = stream;
-    if (stream->segments.size() != first->segments.size()) return false;
-    for (size_t k = 1; k < first->segments.size(); ++k) {
-      const int64_t apart_ns = Difference(StepNs(*stream, stream->segments[k].begin),
-                                          StepNs(*first, first->segments[k].begin));
-      if (std::abs(apart_ns) > kTogetherNs + 2 * first->period_ns) return false;
-    }
-  }
-  return first != nullptr && first->segments.size() > 1;
-}
-
-void MoveTogether(const std::vector<Stream*>& streams) {
-  const size_t count = streams.front()->segments.size();
-  int64_t moved_ns = 0;
-  for (size_t k = 1; k < count; ++k) {
-    // So that no camera's rows overlap.
-    int64_t least_ns = std::numeric_limits<int64_t>::max();
-    for (const Stream* stream : streams) {
-      if (k >= stream->segments.size()) continue;
-      least_ns = std::min(least_ns, StepNs(*stream, stream->segments[k].begin));
-    }
-    moved_ns = Difference(moved_ns, least_ns);
-    for (Stream* stream : streams) {
-      if (k < stream->segments.size()) stream->segments[k].moved_ns = moved_ns;
-    }
-  }
-}
-
-void MoveAlone(Stream* stream, const Times& others_ns) {
-  int64_t moved_ns = 0;
-  size_t reference = 0;
-  double best = 0;
-  for (size_t k = 0; k < stream->segments.size(); ++k) {
-    Segment& segment = stream->segments[k];
-    if (k > 0) moved_ns = Difference(moved_ns, StepNs(*stream, segment.begin));
-    segment.moved_ns = moved_ns;
-    const double share = ShareInCommon(*stream, segment, 0, others_ns);
-    if (share > kClearlyMore * best) best = share, reference = k;
-  }
-  const int64_t kept_ns = stream->segments[reference].moved_ns;
-  for (Segment& segment : stream->segments)
-    segment.moved_ns = Difference(segment.moved_ns, kept_ns);
-}
-
-StampFault StepFault(const Stream& stream, bool together) {
-  StampFault fault{StampFault::Kind::kSteps, stream.session_id, stream.camera, 0, ""};
-  for (size_t k = 1; k < stream.segments.size(); ++k) {
-    const double step_s = 1e-9 * static_cast<double>(StepNs(stream, stream.segments[k].begin));
-    if (std::abs(step_s) > std::abs(fault.size)) fault.size = step_s;
-  }
-  const size_t steps = stream.segments.size() - 1;
-  fault.what = absl::StrCat(
-      steps == 1 ? "its clock was set once, "
-                 : absl::StrCat("its clock was set ", steps, " times, "),
-      absl::StrFormat("by %+.6g s", fault.size), steps == 1 ? "" : " at most", ", after ",
-      stream.segments[1].begin, " of ", RightRows(stream), " rows; ",
-      together ? "all cameras' clocks were set together, and the rows behind are used as they are"
-               : "the rows on each side have a clock offset of their own");
-  return fault;
-}
-
 // Between rows that are stamped close together the wand has moved nearly as far as between others,
 // which it does not in the little time that the stamps say.
-bool MovesAsMuchInBursts(const Stream& stream, size_t count, double short_ns, double long_ns) {
+bool MovesAsMuchInBursts(const StampStream& stream, size_t count, double short_ns, double long_ns) {
   std::vector<double> short_px, long_px;
   for (size_t i = 1; i < count; ++i) {
     const auto& now = stream.rows[i].observation->markers;
     const auto& before = stream.rows[i - 1].observation->markers;
-    const auto step_ns =
-        static_cast<double>(Difference(stream.rows[i].time_ns(), stream.rows[i - 1].time_ns()));
+    const auto step_ns = static_cast<double>(
+        StampDifference(stream.rows[i].time_ns(), stream.rows[i - 1].time_ns()));
     for (size_t m = 0; m < std::min(now.size(), before.size()); ++m) {
       if (!now[m].visible || !before[m].visible) continue;
       const double moved_px = (now[m].centre_px - before[m].centre_px).norm();
@@ -327,13 +171,13 @@ bool MovesAsMuchInBursts(const Stream& stream, size_t count, double short_ns, do
 }
 
 // Rows that the stamps themselves speak against.
-void ReportStamps(const Stream& stream, std::vector<StampFault>* faults) {
+void ReportStamps(const StampStream& stream, std::vector<StampFault>* faults) {
   const size_t count = RightRows(stream);
   if (count < kFewestRows) return;
   size_t repeats = 0;
   std::vector<int64_t> steps_ns;
   for (size_t i = 1; i < count; ++i) {
-    const int64_t step_ns = Difference(stream.rows[i].time_ns(), stream.rows[i - 1].time_ns());
+    const int64_t step_ns = StampDifference(stream.rows[i].time_ns(), stream.rows[i - 1].time_ns());
     const auto& now = stream.rows[i].observation->markers;
     const auto& before = stream.rows[i - 1].observation->markers;
     // The same row twice is no fault of the clock.
@@ -381,51 +225,6 @@ void ReportStamps(const Stream& stream, std::vector<StampFault>* faults) {
            100 * in_burst, 1e-6 * kInBurst * mean_ns, 1e-6 * mean_ns)});
 }
 
-void StraightenSession(const std::vector<Stream*>& streams, RefusalCounter* refused,
-                       std::vector<StampFault>* faults) {
-  std::map<const Stream*, Times> known;
-  const TimesOfOthers others = [&](const Stream* stream) -> const Times& {
-    Times& times = known[stream];
-    if (!times.empty()) return times;
-    for (const Stream* other : streams) {
-      if (other == stream) continue;
-      for (const Row& row : other->rows) times.push_back(row.time_ns());
-    }
-    std::ranges::sort(times);
-    return times;
-  };
-  for (Stream* stream : streams) FindSteps(stream, others);
-  const bool together = StepTogether(streams);
-  if (together) MoveTogether(streams);
-  for (Stream* stream : streams) {
-    if (stream->segments.size() < 2) continue;
-    if (!together) MoveAlone(stream, others(stream));
-    size_t used = 0;
-    for (size_t k = 0; k < stream->segments.size(); ++k) {
-      const Segment& segment = stream->segments[k];
-      const size_t count = segment.end - segment.begin;
-      if (!together && count < kMinRowsOfEpoch) {
-        for (size_t i = segment.begin; i < segment.end; ++i) stream->wrong[i] = true;
-        refused->Add(
-            stream->camera, RefusalReason::kClockEpochWithoutOffset, count,
-            absl::StrCat("the clock steps by ",
-                         Seconds(StepNs(*stream, k > 0 ? segment.begin : segment.end)), ", and ",
-                         count, " rows on one side of the step are too few to find its offset"));
-        continue;
-      }
-      ++used;
-    }
-    if (used > 1) faults->push_back(StepFault(*stream, together));
-    for (size_t k = 0; k < stream->segments.size(); ++k) {
-      for (size_t i = stream->segments[k].begin; i < stream->segments[k].end; ++i) {
-        Observation& observation = *stream->rows[i].observation;
-        observation.clock_epoch = together ? 0 : static_cast<uint32_t>(k);
-        observation.time_ns = Sum(observation.time_ns, stream->segments[k].moved_ns);
-      }
-    }
-  }
-}
-
 bool HaveTimeBase(const std::vector<CameraTrack>& tracks, const std::string& session_id) {
   std::set<std::string> bases;
   for (const CameraTrack& track : tracks) {
@@ -436,20 +235,20 @@ bool HaveTimeBase(const std::vector<CameraTrack>& tracks, const std::string& ses
 
 }  // namespace
 
-std::vector<StampFault> StraightenClocks(std::vector<CameraTrack>* tracks,
-                                         RefusalCounter* refused) {
-  std::map<std::pair<std::string, std::string>, Stream> streams;
+std::vector<StampFault> StraightenClocks(std::vector<CameraTrack>* tracks, RefusalCounter* refused,
+                                         const StepEvidence& evidence) {
+  std::map<std::pair<std::string, std::string>, StampStream> streams;
   for (CameraTrack& track : *tracks) {
-    Stream& stream = streams[{track.session_id, track.camera.camera}];
+    StampStream& stream = streams[{track.session_id, track.camera.camera}];
     stream.session_id = track.session_id;
     stream.camera = track.camera.camera;
     stream.has_samples |= !track.clock_samples.empty();
     for (Observation& observation : track.observations) stream.rows.push_back({&observation});
   }
   std::vector<StampFault> faults;
-  std::map<std::string, std::vector<Stream*>> sessions;
+  std::map<std::string, std::vector<StampStream*>> sessions;
   for (auto& [key, stream] : streams) {
-    std::ranges::stable_sort(stream.rows, [](const Row& a, const Row& b) {
+    std::ranges::stable_sort(stream.rows, [](const StampRow& a, const StampRow& b) {
       return std::pair(a.observation->clock_epoch, a.time_ns()) <
              std::pair(b.observation->clock_epoch, b.time_ns());
     });
@@ -470,7 +269,7 @@ std::vector<StampFault> StraightenClocks(std::vector<CameraTrack>* tracks,
   }
   for (auto& [session_id, all] : sessions) {
     if (HaveTimeBase(*tracks, session_id)) {
-      StraightenSession(all, refused, &faults);
+      StraightenSession(all, evidence, refused, &faults);
     }
   }
   std::set<const Observation*> wrong;
@@ -479,7 +278,7 @@ std::vector<StampFault> StraightenClocks(std::vector<CameraTrack>* tracks,
     const size_t count = RightRows(stream);
     const bool is_sorted = std::is_sorted(
         stream.rows.begin(), stream.rows.begin() + static_cast<std::ptrdiff_t>(count),
-        [](const Row& a, const Row& b) { return a.time_ns() < b.time_ns(); });
+        [](const StampRow& a, const StampRow& b) { return a.time_ns() < b.time_ns(); });
     const bool is_one = !stream.has_samples && stream.segments.size() < 2 && is_sorted;
     for (size_t i = 0; i < stream.rows.size(); ++i) {
       if (stream.wrong[i]) wrong.insert(stream.rows[i].observation);

@@ -1,28 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
-#include <string>
 #include <vector>
 
 #include "common/status/refusal.h"
 #include "server/associate/camera_track.h"
+#include "server/associate/clock_steps.h"
+#include "server/associate/stamp_fault.h"
 
 namespace rigcal::server {
-
-// Something about the stamps of one camera in one session that the rows themselves show.
-struct StampFault {
-  enum class Kind {
-    kSteps,       // its clock was set; size: the largest step, seconds, positive where forward
-    kOutOfOrder,  // rows that were not in the order of their stamps; size: how many
-    kRepeat,      // rows that have the stamp of the row before; size: their share, percent
-    kBursts,      // rows whose stamps come in groups; size: their share, percent
-  };
-  Kind kind = Kind::kSteps;
-  std::string session_id, camera;
-  double size = 0;
-  std::string what;  // a sentence without a full stop
-};
 
 // Puts rows whose stamps were set in the middle of a recording on one time scale. A stream of rows
 // is that of a camera in a session in the order of clock epochs, which agents begin wherever a
@@ -33,14 +19,16 @@ struct StampFault {
 //   - Streams that are mostly in another order are sorted.
 //   - Steps that all cameras of a time base make together, as counters that begin anew, change
 //     nothing between cameras: all rows behind such a step are moved behind those before it.
-//   - Any other step back, and a step forward by more than 10 s to a time at which no other camera
-//     has rows, begins a clock epoch of its own. Its rows are moved behind those before it, or
-//     before those behind it where these fit the other cameras, by whole times that are right to a
-//     row or so; a solve finds the rest. Epochs of fewer than 30 rows are refused.
+//   - Any other step back begins a clock epoch of its own, and so does a step forward of which
+//     `evidence` says that it is one; where that says nothing, one by more than 10 s to a time at
+//     which no other camera has rows. Its rows are moved behind those before it, or before those
+//     behind it where these fit the other cameras, by whole times that are right to a row or so; a
+//     solve finds the rest. Epochs of fewer than 30 rows are refused.
 //
 // Steps are looked for where the cameras of a session share a time base. Stamps that repeat and
 // stamps in bursts are reported only. The result depends on the set of observations of each epoch
 // only.
-std::vector<StampFault> StraightenClocks(std::vector<CameraTrack>* tracks, RefusalCounter* refused);
+std::vector<StampFault> StraightenClocks(std::vector<CameraTrack>* tracks, RefusalCounter* refused,
+                                         const StepEvidence& evidence = {});
 
 }  // namespace rigcal::server

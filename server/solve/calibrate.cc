@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <exception>
+#include <functional>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <new>
@@ -13,10 +15,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "server/associate/repeated_rows.h"
 #include "server/associate/stamp_units.h"
 #include "server/associate/static_points.h"
 #include "server/associate/straight_clocks.h"
+#include "server/associate/unseen_markers.h"
 #include "server/solve/calibration_report.h"
+#include "server/solve/clocks/motion_evidence.h"
 #include "server/solve/derivation.h"
 #include "server/solve/evaluate/parameter_information.h"
 #include "server/solve/evaluate/pose_covariance.h"
@@ -70,13 +75,16 @@ absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
   return absl::OkStatus();
 }
 
-// What was chosen may cap the grade: a lens that only these data describe is at most usable.
+// What was chosen may cap the grade: a lens that only these data describe is at most usable. What
+// makes the result bad comes first.
 void AddFindings(std::vector<Finding> findings, Solved* solved) {
   if (findings.empty()) return;
   CalibrationResult& result = solved->result;
   for (Finding& finding : findings) {
     finding.severity = SeverityOf(result, finding);
-    result.findings.push_back(std::move(finding));
+    const bool is_error = finding.severity == FindingSeverity::kError;
+    result.findings.insert(is_error ? result.findings.begin() : result.findings.end(),
+                           std::move(finding));
   }
   result.quality = GradeQuality(result, solved->evaluated.predicted);
 }
@@ -199,18 +207,26 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     if (hooks.progress) hooks.progress(stage, fraction);
   };
   progress(CalibrationStage::kAssociating, 0);
+  std::vector<Finding> of_stamps = FindingsOf(HideMarkersAtOrigin(&input.tracks));
   const std::map<std::string, CameraCounts> counts = CountInput(input);
   RIGCAL_RETURN_IF_ERROR(CheckReadRows(counts, input.refused));
   RIGCAL_RETURN_IF_ERROR(CheckCameras(counts, options));
   RIGCAL_RETURN_IF_ERROR(CheckImageSizes(input.tracks));
-  const std::vector<Finding> of_stamps = FindingsOf(StraightenClocks(&input.tracks, refused));
-  RIGCAL_RETURN_IF_ERROR(CheckStampUnits(input.tracks));
+  RIGCAL_RETURN_IF_ERROR(CheckColumns(input.tracks));
+  std::ranges::copy(FindingsOf(UseRepeatedRowsOnce(&input.tracks, refused)),
+                    std::back_inserter(of_stamps));
+  const std::vector<Finding> copied = FindingsOf(FindCopiedRows(input.tracks));
+  std::ranges::copy(copied, std::back_inserter(of_stamps));
   RigObservations rig;
   rig.target = input.target;
   rig.other_targets = input.other_targets;
   const auto target_of = [&rig](const std::string& session_id) -> const Target& {
     return rig.TargetOf(session_id);
   };
+  MotionEvidence evidence(input.tracks, target_of);
+  std::ranges::copy(FindingsOf(StraightenClocks(&input.tracks, refused, std::ref(evidence))),
+                    std::back_inserter(of_stamps));
+  RIGCAL_RETURN_IF_ERROR(CheckStampUnits(input.tracks));
   rig.tracks = AlignTracks(&input.tracks, target_of, refused);
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
@@ -219,6 +235,11 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
 
   RigSolveOptions solve = SolveOptionsOf(rig, options, hooks, counts);
   absl::StatusOr<Solved> solved = SolveAndReport(rig, clocks, solve, options, counts, *refused);
+  if (absl::IsFailedPrecondition(solved.status()) && !copied.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat("camera ", copied.front().camera, ": ",
+                                                      copied.front().advice, ". (",
+                                                      std::string(solved.status().message()), ")"));
+  }
   RIGCAL_ASSIGN_OR_RETURN(const std::shared_ptr<const HeldRig> held,
                           HeldRigOf(options, input.parent ? &*input.parent : nullptr, rig.index));
   OddCamera odd;
@@ -246,6 +267,10 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   const std::string spans = SpanContradiction(rig);
   if (odd.kind == FindingKind::kInconsistentCamera && !spans.empty()) {
     odd.advice = absl::StrCat(spans, "; ", odd.advice);
+  }
+  if (odd.kind == FindingKind::kInconsistentCamera) {
+    const std::string stretched = StretchedStamps(rig, odd.camera);
+    if (!stretched.empty()) odd.advice = absl::StrCat(stretched, " ", odd.advice);
   }
   if (odd.kind != FindingKind::kUnspecified) {
     absl::StatusOr<Solved> rest = absl::UnknownError("not solved");

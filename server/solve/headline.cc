@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/headline.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "server/solve/running/expected_error.h"
 #include "server/solve/unused_views.h"
 
@@ -10,7 +13,16 @@ namespace {
 constexpr size_t kMostPlaces = 1000;
 constexpr double kUnusedNoisePx = 0.3;  // of centres, which the error of a point leaves out
 
+// The scatter of a few folds says a sigma to such a factor only.
+constexpr double kFoldsTell = 2;
+
 }  // namespace
+
+double UnstatedFactor(const PredictedError& predicted) {
+  if (!(predicted.stated_m > 0) || !std::isfinite(predicted.stated_m)) return 1;
+  return std::max({1.0, predicted.by_intrinsics_m / predicted.stated_m,
+                   predicted.by_folds_m / (kFoldsTell * predicted.stated_m)});
+}
 
 Headline MakeHeadline(const RigObservations& rig, const EvaluatedSolution& evaluated,
                       const std::map<std::string, CameraCounts>& counts,
@@ -35,6 +47,7 @@ Headline MakeHeadline(const RigObservations& rig, const EvaluatedSolution& evalu
   PointGains gains = ComputeGains(problem, rig.index.cameras, evaluated.uncertainty->parameters,
                                   grid, kUnusedNoisePx);
   headline.point_error_m =
+      UnstatedFactor(evaluated.predicted) *
       ComputeExpectedError(std::move(gains), evaluated.uncertainty->shape_covariance, grid).p95_m;
   return headline;
 }

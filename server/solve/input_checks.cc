@@ -174,6 +174,44 @@ absl::Status CheckReadRows(const std::map<std::string, CameraCounts>& counts,
       faults.size() > 1 ? absl::StrCat(" (and ", faults.size() - 1, " other cameras)") : ""));
 }
 
+absl::Status CheckColumns(const std::vector<CameraTrack>& tracks) {
+  struct Seen {
+    size_t count = 0;
+    Eigen::Array2d least_px = Eigen::Array2d::Zero(), most_px = Eigen::Array2d::Zero();
+  };
+  for (const CameraTrack& track : tracks) {
+    std::vector<Seen> markers;
+    for (const Observation& row : track.observations) {
+      markers.resize(std::max(markers.size(), row.markers.size()));
+      for (size_t m = 0; m < row.markers.size(); ++m) {
+        if (!row.markers[m].visible) continue;
+        const Eigen::Array2d at_px = row.markers[m].centre_px.array();
+        Seen& seen = markers[m];
+        seen.least_px = seen.count == 0 ? at_px : seen.least_px.min(at_px);
+        seen.most_px = seen.count == 0 ? at_px : seen.most_px.max(at_px);
+        ++seen.count;
+      }
+    }
+    const double spread_px = kMinSpreadShare * track.camera.image_size_px.width;
+    for (size_t m = 0; m < markers.size(); ++m) {
+      const Eigen::Array2d range_px = markers[m].most_px - markers[m].least_px;
+      for (const int axis : {0, 1}) {
+        // Where both stay the marker is at rest, which is another matter.
+        if (markers[m].count < kMinMarkers || range_px[axis] > 0 ||
+            range_px[1 - axis] < spread_px) {
+          continue;
+        }
+        return absl::InvalidArgumentError(absl::StrCat(
+            "camera ", track.camera.camera, ": ", axis == 0 ? "x" : "y", " of its marker ", m,
+            " is ", markers[m].least_px[axis], " in all of its ", markers[m].count,
+            " views, while ", axis == 0 ? "y" : "x",
+            " changes: that column of its rows is not what was seen; export it again"));
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CheckImageSizes(const std::vector<CameraTrack>& tracks) {
   for (const CameraTrack& track : tracks) {
     const double width = track.camera.image_size_px.width;

@@ -34,6 +34,9 @@ absl::Status CheckReadRows(const std::map<std::string, CameraCounts>& counts,
 // or all of them in its first pixels.
 absl::Status CheckImageSizes(const std::vector<CameraTrack>& tracks);
 
+// INVALID_ARGUMENT: one coordinate of a camera's marker is the same in all views, the other is not.
+absl::Status CheckColumns(const std::vector<CameraTrack>& tracks);
+
 // FAILED_PRECONDITION: fewer than two cameras, or one that never saw the wand. INVALID_ARGUMENT:
 // the options name a camera that there is not.
 absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,

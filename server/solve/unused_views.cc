@@ -35,6 +35,12 @@ FindingKind KindOf(StampFault::Kind kind) {
       return FindingKind::kStampsRepeat;
     case StampFault::Kind::kBursts:
       return FindingKind::kBursts;
+    case StampFault::Kind::kTwice:
+      return FindingKind::kRowsRepeated;
+    case StampFault::Kind::kCopied:
+      return FindingKind::kRowsCopied;
+    case StampFault::Kind::kAtOrigin:
+      return FindingKind::kMarkersAtOrigin;
   }
   return FindingKind::kUnspecified;
 }
@@ -44,9 +50,13 @@ const char* UnitOf(StampFault::Kind kind) {
     case StampFault::Kind::kSteps:
       return "s";
     case StampFault::Kind::kOutOfOrder:
+    case StampFault::Kind::kTwice:
       return "rows";
+    case StampFault::Kind::kAtOrigin:
+      return "markers";
     case StampFault::Kind::kRepeat:
     case StampFault::Kind::kBursts:
+    case StampFault::Kind::kCopied:
       return "%";
   }
   return "";

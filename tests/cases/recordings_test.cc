@@ -10,6 +10,7 @@
 #include <fstream>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -32,11 +33,10 @@ using Rows = std::vector<std::vector<std::string>>;
 class Recordings : public ::testing::Test {
  protected:
   Recordings() {
-    SimulationOptions options;
-    options.camera_count = 4;
-    options.outlier_share = 0;
-    options.duration_s = 20;
-    WriteRecordedRig(options, folder());
+    options_.camera_count = 4;
+    options_.outlier_share = 0;
+    options_.duration_s = 20;
+    WriteRecordedRig(options_, folder());
     for (const auto& entry : std::filesystem::directory_iterator(folder())) {
       if (entry.path().extension() == ".csv") cameras_.push_back(entry.path().stem().string());
     }
@@ -72,6 +72,7 @@ class Recordings : public ::testing::Test {
     return RunCommand({"rigcal", "local", "--data", folder().string(), "--target", target});
   }
 
+  SimulationOptions options_;
   TemporaryDirectory directory_;
   std::vector<std::string> cameras_;
 };
@@ -172,6 +173,112 @@ TEST_F(Recordings, AClockThatIsSetIsFollowed) {
   EXPECT_EQ(result.exit_code, 0) << result.output << result.error;
   EXPECT_THAT(result.output, AllOf(HasSubstr("Quality: good"), ContainsRegex("clock_steps.*3600"),
                                    Not(HasSubstr("views_not_used"))));
+}
+
+TEST_F(Recordings, AClockThatIsSetForwardByASecondIsFollowed) {
+  Change(2, [](Rows* rows) {
+    for (size_t i = rows->size() / 2; i < rows->size(); ++i) AddSeconds(1, &(*rows)[i]);
+  });
+  const CommandResult result = Calibrate();
+  EXPECT_EQ(result.exit_code, 0) << result.output << result.error;
+  EXPECT_THAT(result.output,
+              AllOf(HasSubstr("Quality: good"), ContainsRegex("clock_steps.*set once, by \\+1 s"),
+                    Not(HasSubstr("views_not_used"))));
+}
+
+TEST_F(Recordings, AFileThatWasAppendedToItselfIsUsedOnce) {
+  const CommandResult once = Calibrate();
+  Change(1, [](Rows* rows) {
+    const Rows again = *rows;
+    rows->insert(rows->end(), again.begin(), again.end());
+  });
+  const CommandResult result = Calibrate();
+  EXPECT_EQ(result.exit_code, 0) << result.output << result.error;
+  EXPECT_THAT(result.output,
+              AllOf(HasSubstr("Quality: good"), ContainsRegex("rows_repeated.*a second time"),
+                    HasSubstr("duplicate_equal"), Not(HasSubstr("clock_steps")),
+                    Not(HasSubstr("clock_offset"))));
+  // The same as if it had been written once.
+  const auto headline = [](const std::string& output) {
+    const size_t at = output.find("expected error");
+    return output.substr(at, output.find('\n', at) - at);
+  };
+  EXPECT_EQ(headline(result.output), headline(once.output));
+}
+
+TEST_F(Recordings, OneCamerasFileUnderAnothersNameIsNamed) {
+  Write(2, Read(1));
+  const CommandResult result = Calibrate();
+  EXPECT_THAT(result.exit_code, ::testing::AnyOf(1, 3)) << result.output;
+  EXPECT_THAT(result.output, Not(HasSubstr("Quality: good")));
+  EXPECT_THAT(absl::StrCat(result.output, result.error),
+              HasSubstr(absl::StrCat("it has the same rows as ", cameras_[1])));
+}
+
+TEST_F(Recordings, ZerosForMarkersThatWereNotSeenAreTakenAsThat) {
+  Change(2, [](Rows* rows) {
+    for (size_t i = 0; i < rows->size(); i += 4) {
+      for (size_t column = 1; column < 7; ++column) (*rows)[i][column] = "0";
+    }
+  });
+  const CommandResult result = Calibrate();
+  EXPECT_EQ(result.exit_code, 0) << result.output << result.error;
+  EXPECT_THAT(result.output,
+              AllOf(HasSubstr("Quality: good"), ContainsRegex("markers_at_origin +info")));
+}
+
+TEST_F(Recordings, AColumnThatNeverChangesIsNamed) {
+  Change(2, [](Rows* rows) {
+    for (std::vector<std::string>& row : *rows) {
+      if (row[3] != "-1") row[3] = "512.5";
+    }
+  });
+  const CommandResult result = Calibrate();
+  EXPECT_EQ(result.exit_code, 1) << result.output;
+  EXPECT_THAT(result.error, AllOf(HasSubstr("camera " + cameras_[2]),
+                                  HasSubstr("x of its marker 1"), HasSubstr("512.5")));
+}
+
+TEST_F(Recordings, ExchangedMarkersAreNamed) {
+  Change(2, [](Rows* rows) {
+    for (std::vector<std::string>& row : *rows) {
+      std::swap(row[1], row[3]);
+      std::swap(row[2], row[4]);
+    }
+  });
+  const CommandResult result = Calibrate();
+  EXPECT_THAT(absl::StrCat(result.output, result.error),
+              HasSubstr(absl::StrCat("camera ", cameras_[2], " shows the markers in the order")));
+}
+
+TEST_F(Recordings, AWrongFrameRateIsNamed) {
+  Change(2, [](Rows* rows) {
+    for (std::vector<std::string>& row : *rows) {
+      row.front() = std::to_string(std::stoll(row.front()) / 5 * 6);
+    }
+  });
+  const CommandResult result = Calibrate();
+  EXPECT_THAT(absl::StrCat(result.output, result.error), HasSubstr("a wrong frame rate"));
+}
+
+TEST_F(Recordings, ACameraThatIsPushedIsNamedAlsoWhereItIsPutBack) {
+  for (const size_t parts : {2, 3}) {
+    WriteRecordedRig(options_, folder());
+    // From the middle on, or in the middle third.
+    Change(2, [&](Rows* rows) {
+      const size_t end = parts == 2 ? rows->size() : 2 * rows->size() / 3;
+      for (size_t i = rows->size() / parts; i < end; ++i) {
+        for (const size_t column : {1, 3, 5}) {
+          std::string& x = (*rows)[i][column];
+          if (x != "-1") x = absl::StrCat(std::stod(x) + 6);
+        }
+      }
+    });
+    const CommandResult result = Calibrate();
+    EXPECT_EQ(result.exit_code, 3) << result.output << result.error;
+    EXPECT_THAT(result.output, ContainsRegex("camera_moved +error +" + cameras_[2])) << parts;
+    if (parts == 3) EXPECT_THAT(result.output, HasSubstr("and back"));
+  }
 }
 
 TEST_F(Recordings, ALostHalfIsNeverGood) {

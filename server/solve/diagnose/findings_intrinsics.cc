@@ -30,6 +30,9 @@ constexpr double kMaxPriorShare = 0.5;
 // Of the distance to a camera's own file, that to another one's is less.
 constexpr double kSwappedShare = 0.4;
 constexpr size_t kMaxRays = 1000;
+// Of the image's width, that the middle of a turned image is elsewhere; and of that, how near to it
+// a centre is.
+constexpr double kLeastTurned = 0.02, kNearMiddle = 0.35;
 // All cameras' intrinsics at once are the dearest of trials: of so many observations, or so many of
 // each camera. A pixel is seen in fewer.
 constexpr size_t kSuspectObservations = 10'000;
@@ -121,7 +124,16 @@ double Significance(const TrialSigmas& sigmas, int camera, const IntrinsicsVecto
   return largest;
 }
 
-std::string Changes(const BundleCamera& camera) {
+// Images that were turned, or whose rows exchange x and y: the middle of one is elsewhere.
+bool IsMiddleOfTurned(const BundleCamera& camera, const ImageSize& size_px) {
+  const Eigen::Vector2d turned_px =
+      0.5 * Eigen::Vector2d(size_px.height - size_px.width, size_px.width - size_px.height);
+  const Eigen::Vector2d moved_px = (camera.intrinsics - camera.intrinsics_mean).segment<2>(2);
+  return turned_px.norm() > kLeastTurned * size_px.width &&
+         (moved_px - turned_px).norm() < kNearMiddle * turned_px.norm();
+}
+
+std::string Changes(const BundleCamera& camera, const ImageSize& size_px) {
   const IntrinsicsVector &given = camera.intrinsics_mean, &found = camera.intrinsics;
   // Images that were made smaller or larger: everything is times the same factor.
   std::string scaled;
@@ -133,10 +145,19 @@ std::string Changes(const BundleCamera& camera) {
           factor);
     }
   }
+  if (IsMiddleOfTurned(camera, size_px)) {
+    scaled =
+        ", about the middle of an image that was turned by 90 degrees: its rows, or its lens file, "
+        "are of turned images, or exchange x and y";
+  }
   return absl::StrFormat(
       "focal lengths %+.2f %% and %+.2f %%, centre (%+.1f, %+.1f) px against the given ones%s",
       100 * (found[0] / given[0] - 1), 100 * (found[1] / given[1] - 1), found[2] - given[2],
       found[3] - given[3], scaled);
+}
+
+const ImageSize& SizeOf(const CauseInput& input, size_t camera) {
+  return input.rig.index.cameras[input.trial.rig_camera[camera]].image_size_px;
 }
 
 void Free(const CauseInput& input, size_t camera, BundleProblem* problem) {
@@ -175,8 +196,8 @@ Cause WrongIntrinsics(const CauseInput& input, const BundleProblem& freed, size_
                "its given intrinsics put what it sees %.1f px (rms) away from where it is: %s; its "
                "error is %.2f px, and %.2f px with intrinsics that fit. Calibrate its lens again "
                "(zoom and focus as they are now), or calibrate with intrinsics refined%s",
-               displacement_px, Changes(camera), change.before_px, change.after_px,
-               SwappedWith(input, freed, c, displacement_px))},
+               displacement_px, Changes(camera, SizeOf(input, c)), change.before_px,
+               change.after_px, SwappedWith(input, freed, c, displacement_px))},
           change.gain_px()};
 }
 
@@ -192,7 +213,7 @@ Cause HeldIntrinsics(const CauseInput& input, const BundleProblem& freed, size_t
                "its refined intrinsics are held by the given ones, which are wrong: left free, the "
                "data put them at %s; its error is %.2f px, and %.2f px with these. Was its file "
                "guessed, or is it another camera's? Calibrate its lens%s",
-               Changes(camera), change.before_px, change.after_px,
+               Changes(camera, SizeOf(input, c)), change.before_px, change.after_px,
                SwappedWith(input, freed, c, DisplacementPx(freed, c)))},
           change.gain_px()};
 }
@@ -264,8 +285,8 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
               "the wand: %s; its error is %.2f px with the given ones, %.2f px with the refined "
               "ones. The refined ones are used; check that it was given its own file, and "
               "calibrate its lens again%s",
-              displacement_px, Changes(camera), change_px.before_px, change_px.after_px,
-              SwappedWith(input, solved, c, displacement_px))},
+              displacement_px, Changes(camera, SizeOf(input, c)), change_px.before_px,
+              change_px.after_px, SwappedWith(input, solved, c, displacement_px))},
          change_px.gain_px()});
   }
   return causes;

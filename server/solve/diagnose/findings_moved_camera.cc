@@ -2,9 +2,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
@@ -23,24 +25,28 @@ constexpr double kMoveSigmas = 7;
 constexpr double kDegreesPerRadian = 57.29577951308232;
 constexpr int kLensRounds = 2;
 constexpr double kMaxMovePerError = 10;
+constexpr size_t kMostTakenApart = 3;  // cameras that are tried, one after the other
 
 struct Candidate {
   size_t camera = 0;  // of the trial
   ChangePoint change;
 };
 
-// The camera whose residuals gain most in all.
-std::optional<Candidate> BestCandidate(const CauseInput& input, const SessionTimeline& timeline) {
-  std::optional<Candidate> best;
+// The cameras whose residuals gain by a move that other times confirm, those that gain most first.
+std::vector<Candidate> BestCandidates(const CauseInput& input, const SessionTimeline& timeline) {
+  std::vector<Candidate> all;
   for (size_t c = 0; c < input.trial.problem.cameras.size(); ++c) {
     // One that was taken apart already is not looked at again.
     if (std::ranges::count(input.trial.rig_camera, input.trial.rig_camera[c]) > 1) continue;
     const std::optional<ChangePoint> change =
         ScanForMove(input.trial, timeline, static_cast<int>(c));
     if (!change || change->gain < kMinScanGain) continue;
-    if (!best || change->gain > best->change.gain) best = Candidate{c, *change};
+    if (!HoldsForOtherTimes(input.trial, timeline, static_cast<int>(c), *change)) continue;
+    all.push_back({c, *change});
   }
-  return best;
+  std::ranges::stable_sort(all, std::greater(), [](const Candidate& it) { return it.change.gain; });
+  all.resize(std::min(all.size(), kMostTakenApart));
+  return all;
 }
 
 RigidTransform Moved(const RigidTransform& pose, const PoseStep& step) {
@@ -76,7 +82,7 @@ TrialProblem TakenApart(const TrialProblem& from, const SessionTimeline& timelin
   problem.cameras.push_back(after);
   trial.rig_camera.push_back(from.rig_camera[candidate.camera]);
   for (size_t i = 0; i < problem.instants.size(); ++i) {
-    if (timeline.TimeNs(i) < candidate.change.time_ns) continue;
+    if (!candidate.change.HasMoved(timeline.TimeNs(i))) continue;
     const BundleInstant& instant = problem.instants[i];
     for (BundleObservation& observation : problem.ObservationsOf(instant)) {
       if (observation.camera == static_cast<int>(candidate.camera)) observation.camera = part;
@@ -157,23 +163,29 @@ Repair TakeApart(const CauseInput& input, const Candidate& candidate) {
   // A pose that little data hold runs away from where the camera is: an image that really moved so
   // far would not fit so well with one pose.
   if (move.image_px >
-      kMaxMovePerError * LargestErrorPx(input.trial, timeline, camera, candidate.change.time_ns)) {
+      kMaxMovePerError * LargestErrorPx(input.trial, timeline, camera, candidate.change)) {
     return repair;
   }
   const bool metric =
       !input.trial.problem.distance || input.evaluated.options.known_distance.has_value();
   const std::string distance =
       metric ? absl::StrFormat("%.1f mm and ", 1e3 * move.centre_m) : std::string();
+  const std::string back =
+      candidate.change.IsBack()
+          ? absl::StrFormat(
+                ", and back %.1f s later,",
+                1e-9 * static_cast<double>(candidate.change.until_ns - candidate.change.time_ns))
+          : std::string();
   const double angle_deg = kDegreesPerRadian * move.rotation_rad;
   repair.causes.push_back(
       {{FindingKind::kCameraMoved, input.trial.problem.cameras[candidate.camera].name,
         move.image_px, "px",
         absl::StrFormat(
-            "%s by %s%.3f deg, which moved its "
+            "%s%s by %s%.3f deg, which moved its "
             "image by %.1f px; its error is %.2f px, and %.2f px with a pose of its own from then "
-            "on. Fix its mount and record again, or calibrate what was recorded after it moved",
-            timeline.Describe(candidate.change.time_ns), distance, angle_deg, move.image_px,
-            change.before_px, change.after_px)},
+            "on%s. Fix its mount and record again, or calibrate what was recorded after it moved",
+            timeline.Describe(candidate.change.time_ns), back, distance, angle_deg, move.image_px,
+            change.before_px, change.after_px, back.empty() ? "" : " until it was back")},
        change.gain_px()});
   repair.on_other = [candidate](const CauseInput& other) { return TakeApart(other, candidate); };
   return repair;
@@ -183,11 +195,11 @@ Repair TakeApart(const CauseInput& input, const Candidate& candidate) {
 
 Repair RepairMovedCamera(const CauseInput& input) {
   const SessionTimeline timeline(input.trial, input.evaluated.solution.clocks);
-  const std::optional<Candidate> candidate = BestCandidate(input, timeline);
-  if (!candidate) return {};
-  const auto camera = static_cast<int>(candidate->camera);
-  if (!HoldsForOtherTimes(input.trial, timeline, camera, candidate->change.time_ns)) return {};
-  return TakeApart(input, *candidate);
+  for (const Candidate& candidate : BestCandidates(input, timeline)) {
+    Repair repair = TakeApart(input, candidate);
+    if (!repair.causes.empty()) return repair;
+  }
+  return {};
 }
 
 }  // namespace rigcal::server

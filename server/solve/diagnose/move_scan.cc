@@ -23,6 +23,9 @@ constexpr int kFineSteps = 8;
 constexpr int kReweightings = 6;
 constexpr int kBlocksOfPart = 6;
 constexpr size_t kMinMarkersOfBlock = 5;
+// Of what one change leaves, a span of time must leave no more.
+constexpr double kSpanWorth = 0.8;
+constexpr int kSpanRounds = 4;
 constexpr double kHeldOutSigmas = 2;
 
 struct Sample {
@@ -101,6 +104,68 @@ Fit FitStep(const std::vector<Sample>& samples, size_t begin, size_t end) {
   return fit;
 }
 
+// The samples in which the sum of `gains` is largest.
+std::pair<size_t, size_t> BestSpan(const std::vector<double>& gains) {
+  std::pair<size_t, size_t> best = {0, 0};
+  double best_sum = 0, sum = 0;
+  for (size_t begin = 0, i = 0; i < gains.size(); ++i) {
+    sum += gains[i];
+    if (sum <= 0) {
+      sum = 0;
+      begin = i + 1;
+    } else if (sum > best_sum) {
+      best_sum = sum;
+      best = {begin, i + 1};
+    }
+  }
+  return best;
+}
+
+double CappedPx(const Sample& sample, const PoseStep& step) {
+  return std::min(kCapPx, (sample.residual + sample.jacobian * step).norm());
+}
+
+// The span of time in which another pose explains most, found in turns with the two poses: from the
+// samples that one pose fits worst (`first_sign` 1), or best (-1, where it was elsewhere most of
+// the time).
+std::optional<ChangePoint> ScanForSpan(const std::vector<Sample>& samples, const Fit& one,
+                                       double first_sign) {
+  const size_t count = samples.size();
+  std::vector<double> gains(count);
+  for (size_t i = 0; i < count; ++i) {
+    const double mean_px = one.cost / static_cast<double>(count);
+    gains[i] = first_sign * (CappedPx(samples[i], one.step) - mean_px);
+  }
+  std::optional<ChangePoint> best;
+  for (int round = 0; round < kSpanRounds; ++round) {
+    auto [begin, end] = BestSpan(gains);
+    const auto is_same_time = [&samples](size_t i) {
+      return i > 0 && i < samples.size() && samples[i].time_ns == samples[i - 1].time_ns;
+    };
+    while (is_same_time(begin)) --begin;
+    while (is_same_time(end)) ++end;
+    // At either end of the recording it is one change.
+    if (begin < kMinMarkersOfPart || end + kMinMarkersOfPart > count ||
+        begin + kMinMarkersOfPart > end) {
+      return best;
+    }
+    const auto at = [&samples](size_t i) {
+      return samples.begin() + static_cast<std::ptrdiff_t>(i);
+    };
+    std::vector<Sample> rest(samples.begin(), at(begin));
+    rest.insert(rest.end(), at(end), samples.end());
+    const Fit inside = FitStep(samples, begin, end), outside = FitStep(rest, 0, rest.size());
+    const double gain = 1 - (inside.cost + outside.cost) / one.cost;
+    if (best && gain <= best->gain) return best;
+    best =
+        ChangePoint{samples[begin].time_ns, samples[end].time_ns, outside.step, inside.step, gain};
+    for (size_t i = 0; i < count; ++i) {
+      gains[i] = CappedPx(samples[i], outside.step) - CappedPx(samples[i], inside.step);
+    }
+  }
+  return best;
+}
+
 }  // namespace
 
 std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionTimeline& timeline,
@@ -108,8 +173,8 @@ std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionT
   const std::vector<Sample> samples = SamplesOf(trial, timeline, camera);
   const size_t count = samples.size();
   if (count < 4 * kMinMarkersOfPart) return std::nullopt;
-  const double cost_of_one = FitStep(samples, 0, count).cost;
-  if (!(cost_of_one > 0)) return std::nullopt;
+  const Fit one = FitStep(samples, 0, count);
+  if (!(one.cost > 0)) return std::nullopt;
   std::optional<ChangePoint> best;
   size_t best_split = 0;
   const auto look = [&](size_t split) {
@@ -118,9 +183,12 @@ std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionT
     }
     if (split < kMinMarkersOfPart || split + kMinMarkersOfPart > count) return;
     const Fit before = FitStep(samples, 0, split), after = FitStep(samples, split, count);
-    const double gain = 1 - (before.cost + after.cost) / cost_of_one;
+    const double gain = 1 - (before.cost + after.cost) / one.cost;
     if (best && gain <= best->gain) return;
-    best = ChangePoint{samples[split].time_ns, before.step, after.step, gain};
+    best = ChangePoint{.time_ns = samples[split].time_ns,
+                       .before = before.step,
+                       .after = after.step,
+                       .gain = gain};
     best_split = split;
   };
   const size_t stride = std::max<size_t>(1, count / kCoarseSteps);
@@ -137,18 +205,27 @@ std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionT
     look(around + fine);
   }
   if (best) best->time_ns = timeline.Snapped(best->time_ns);
+  for (const double first_sign : {1.0, -1.0}) {
+    const std::optional<ChangePoint> span = ScanForSpan(samples, one, first_sign);
+    const double left = best ? 1 - best->gain : 1;
+    if (span && 1 - span->gain < (best && best->IsBack() ? 1 : kSpanWorth) * left) best = span;
+  }
   return best;
 }
 
 bool HoldsForOtherTimes(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
-                        int64_t change_ns) {
+                        const ChangePoint& change) {
   const std::vector<Sample> samples = SamplesOf(trial, timeline, camera);
   if (samples.empty()) return false;
-  const int64_t begins_ns[] = {samples.front().time_ns, change_ns};
-  const int64_t ends_ns[] = {change_ns, samples.back().time_ns + 1};
+  // Where it is back the time away is left out of the time of the rest.
+  const int64_t last_ns = samples.back().time_ns + 1;
+  const int64_t until_ns = std::min(change.until_ns, last_ns);
+  const int64_t begins_ns[] = {samples.front().time_ns, change.time_ns};
+  const int64_t ends_ns[] = {change.time_ns + last_ns - until_ns, until_ns};
   const auto block_of = [&](const Sample& sample) {
-    const int part = sample.time_ns < change_ns ? 0 : 1;
-    const double share = static_cast<double>(sample.time_ns - begins_ns[part]) /
+    const int part = change.HasMoved(sample.time_ns) ? 1 : 0;
+    const int64_t away_ns = sample.time_ns >= until_ns ? until_ns - change.time_ns : 0;
+    const double share = static_cast<double>(sample.time_ns - away_ns - begins_ns[part]) /
                          static_cast<double>(ends_ns[part] - begins_ns[part]);
     return part * kBlocksOfPart +
            std::min(kBlocksOfPart - 1, static_cast<int>(share * kBlocksOfPart));
@@ -183,10 +260,10 @@ bool HoldsForOtherTimes(const TrialProblem& trial, const SessionTimeline& timeli
 }
 
 double LargestErrorPx(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
-                      int64_t change_ns) {
+                      const ChangePoint& change) {
   double sums[2] = {0, 0}, counts[2] = {0, 0};
   for (const Sample& sample : SamplesOf(trial, timeline, camera)) {
-    const size_t part = sample.time_ns < change_ns ? 0 : 1;
+    const size_t part = change.HasMoved(sample.time_ns) ? 1 : 0;
     sums[part] += sample.residual.norm();
     ++counts[part];
   }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "server/solve/diagnose/session_timeline.h"
@@ -14,22 +15,29 @@ namespace rigcal::server {
 // left, then what is added to the translation.
 using PoseStep = Eigen::Matrix<double, 6, 1>;
 
-// What a camera's residuals say of its having moved once, the target's poses being as they are.
+// What a camera's residuals say of its having moved once, or there and back, the target's poses
+// being as they are.
 struct ChangePoint {
   int64_t time_ns = 0;  // of the timeline, before the first instant of the second part
+  // Before the first instant at which it is back where it was.
+  int64_t until_ns = std::numeric_limits<int64_t>::max();
   PoseStep before = PoseStep::Zero();
   PoseStep after = PoseStep::Zero();
   // Share of the camera's residuals (sum of norms, each at most 60 px) that two poses instead of
   // one take away, the target's poses as they are.
   double gain = 0;
+
+  bool IsBack() const { return until_ns < std::numeric_limits<int64_t>::max(); }
+  bool HasMoved(int64_t at_ns) const { return at_ns >= time_ns && at_ns < until_ns; }
 };
 
 // Share of the residuals that two poses must take away to be worth a look.
 inline constexpr double kMinScanGain = 0.05;
 
 // The time at which a camera's residuals are best explained by its having moved: two pose steps,
-// each linear and by least absolute errors, over a scan of times. Outliers take part, a camera that
-// has moved far being nothing but outliers. None with too few markers.
+// each linear and by least absolute errors, over a scan of times. Where one of them for a span of
+// time in the middle explains clearly more, it moved there and back. Outliers take part, a camera
+// that has moved far being nothing but outliers. None with too few markers.
 std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionTimeline& timeline,
                                        int camera);
 
@@ -38,10 +46,10 @@ std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionT
 // neighbouring times have in common can be fitted by a pose that a few seconds say little about: it
 // does not fit the next few.
 bool HoldsForOtherTimes(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
-                        int64_t change_ns);
+                        const ChangePoint& change);
 
-// Mean error with one pose, of the part before the change or after it: the larger. Pixels.
+// Mean error with one pose, of the part in which it has moved or of the rest: the larger. Pixels.
 double LargestErrorPx(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
-                      int64_t change_ns);
+                      const ChangePoint& change);
 
 }  // namespace rigcal::server

@@ -148,6 +148,11 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       return {finding.severity, absl::StrFormat("%s: %.0f %% of its wand views are not used (see "
                                                 "findings)",
                                                 who, finding.value)};
+    case FindingKind::kRowsCopied:
+      if (!camera) return warning("");
+      return {FindingSeverity::kError, absl::StrCat(who, " has the same rows as another camera")};
+    case FindingKind::kRowsRepeated:
+    case FindingKind::kMarkersAtOrigin:
     case FindingKind::kClockSteps:
     case FindingKind::kRowsOutOfOrder:
     case FindingKind::kFlippedLabels:

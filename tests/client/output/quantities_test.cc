@@ -24,6 +24,15 @@ TEST(FormatFixed, SaysWhatIsNoNumber) {
   EXPECT_EQ(FormatFixed(-std::numeric_limits<double>::infinity(), 3), "-inf");
 }
 
+TEST(FormatMagnitude, WritesNoPowersOfTen) {
+  EXPECT_EQ(FormatMagnitude(-495.96), "-496");
+  EXPECT_EQ(FormatMagnitude(0.052312), "0.05231");
+  EXPECT_EQ(FormatMagnitude(9999.4), "9999");
+  EXPECT_EQ(FormatMagnitude(9999.6), "10000");
+  EXPECT_EQ(FormatMagnitude(-1e6), "-1000000");
+  EXPECT_EQ(FormatMagnitude(-61855.6), "-61856");
+}
+
 TEST(FormatDuration, ChangesUnitAtAMinute) {
   EXPECT_EQ(FormatDuration(0.816), "0.82 s");
   EXPECT_EQ(FormatDuration(200.4), "3 min 20 s");

@@ -49,6 +49,17 @@ TEST(Intrinsics, RefusesFocalLengthsThatAreNotPositiveAndFinite) {
   }
 }
 
+TEST(Intrinsics, NamesACameraMatrixInSharesOfTheImage) {
+  Intrinsics intrinsics = Good();
+  intrinsics.fx_px = 0.98;
+  intrinsics.fy_px = 1.22;
+  intrinsics.cx_px = intrinsics.cy_px = 0.5;
+  EXPECT_THAT(intrinsics.Validate(kSize), StatusIs(absl::StatusCode::kInvalidArgument,
+                                                   HasSubstr("shares of the image, not pixels")));
+  intrinsics.cx_px = 640;
+  EXPECT_THAT(intrinsics.Validate(kSize), IsOk());
+}
+
 TEST(Intrinsics, AllowsAPrincipalPointOutsideTheImageButNotFarOutside) {
   Intrinsics intrinsics = Good();
   intrinsics.cx_px = -1279;

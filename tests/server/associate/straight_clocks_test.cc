@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <random>
 #include <set>
 
@@ -75,11 +76,11 @@ struct Straightened {
 };
 
 // Two sound cameras beside.
-Straightened Straighten(const std::vector<int64_t>& stamps_ns) {
+Straightened Straighten(const std::vector<int64_t>& stamps_ns, const StepEvidence& evidence = {}) {
   Straightened result{
       {TrackOf("a", stamps_ns), TrackOf("b", Stamps()), TrackOf("c", Stamps())}, {}, 0};
   RefusalCounter refused;
-  result.faults = StraightenClocks(&result.tracks, &refused);
+  result.faults = StraightenClocks(&result.tracks, &refused, evidence);
   for (const Refusal& refusal : refused.List()) result.refused += refusal.count;
   return result;
 }
@@ -146,6 +147,71 @@ TEST(StraightenClocks, AClockThatIsSetGoesOnWhereItWas) {
     ASSERT_THAT(result.faults, Contains(Field(&StampFault::kind, StampFault::Kind::kSteps)));
     EXPECT_NEAR(result.faults[0].size, 1e-9 * static_cast<double>(step_ns), 1e-6);
   }
+}
+
+// Knows by the markers when each row really was.
+std::optional<bool> Truth(const StepQuestion& question) {
+  const Observation& row = *question.rows[question.rows.size() / 2];
+  const auto frame = static_cast<int64_t>(std::lround(row.markers[0].centre_px.x() / 3));
+  const auto is_right = [&](int64_t moved_ns) {
+    return std::abs(row.time_ns + moved_ns - (1'000'000'000 + frame * kPeriodNs)) < kPeriodNs;
+  };
+  if (is_right(question.moved_ns) == is_right(question.stay_ns)) return std::nullopt;
+  return is_right(question.moved_ns);
+}
+
+TEST(StraightenClocks, AClockThatIsSetForwardByLittleIsFoundByTheMotion) {
+  for (const int64_t step_ns : {350'000'000, 1'000'000'000, 2'000'000'000}) {
+    std::vector<int64_t> stamps_ns = Stamps();
+    for (size_t i = 240; i < kRows; ++i) stamps_ns[i] += step_ns;
+    const Straightened result = Straighten(stamps_ns, Truth);
+    EXPECT_EQ(result.refused, 0u) << step_ns;
+    EXPECT_EQ(result.WorstNs(0), 0) << step_ns;
+    EXPECT_THAT(result.Epochs(0), ElementsAre(0, 1));
+    ASSERT_THAT(result.faults, Contains(Field(&StampFault::kind, StampFault::Kind::kSteps)));
+    EXPECT_NEAR(result.faults[0].size, 1e-9 * static_cast<double>(step_ns), 1e-6);
+    EXPECT_THAT(Straighten(stamps_ns).faults, IsEmpty()) << "nothing tells it from lost frames";
+  }
+}
+
+TEST(StraightenClocks, EachOfTwoStepsIsFound) {
+  for (const int64_t first_ns : {kHourNs, int64_t{20'000'000'000}, int64_t{350'000'000}}) {
+    for (const int64_t second_ns : {first_ns, -first_ns}) {
+      std::vector<int64_t> stamps_ns = Stamps();
+      for (size_t i = 160; i < kRows; ++i) stamps_ns[i] += first_ns;
+      for (size_t i = 330; i < kRows; ++i) stamps_ns[i] += second_ns;
+      const Straightened result = Straighten(stamps_ns, Truth);
+      EXPECT_EQ(result.WorstNs(0), 0) << first_ns << " " << second_ns;
+      EXPECT_THAT(result.Epochs(0), ElementsAre(0, 1, 2)) << first_ns << " " << second_ns;
+      ASSERT_FALSE(result.faults.empty());
+      EXPECT_THAT(result.faults[0].what, ::testing::HasSubstr("set 2 times"));
+    }
+  }
+}
+
+TEST(StraightenClocks, LargeStepsAreFoundWithoutEvidenceToo) {
+  std::vector<int64_t> stamps_ns = Stamps();
+  for (size_t i = 160; i < kRows; ++i) stamps_ns[i] += kHourNs;
+  for (size_t i = 330; i < kRows; ++i) stamps_ns[i] += kHourNs;
+  const Straightened result = Straighten(stamps_ns);
+  EXPECT_EQ(result.WorstNs(0), 0);
+  EXPECT_THAT(result.Epochs(0), ElementsAre(0, 1, 2));
+}
+
+TEST(StraightenClocks, LostFramesAreNoStep) {
+  CameraTrack track = TrackOf("a", Stamps());
+  track.observations.erase(track.observations.begin() + 200, track.observations.begin() + 240);
+  Straightened result{{track, TrackOf("b", Stamps()), TrackOf("c", Stamps())}, {}, 0};
+  RefusalCounter refused;
+  int asked = 0;
+  result.faults =
+      StraightenClocks(&result.tracks, &refused, [&asked](const StepQuestion& question) {
+        ++asked;
+        return Truth(question);
+      });
+  EXPECT_THAT(result.faults, IsEmpty());
+  EXPECT_EQ(result.WorstNs(0), 0);
+  EXPECT_EQ(asked, 0) << "the marker moved on as far as in 40 frames";
 }
 
 TEST(StraightenClocks, RowsBeforeASetClockMoveWhereTheRestFits) {

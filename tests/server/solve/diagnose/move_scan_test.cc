@@ -21,9 +21,9 @@ const PoseStep& Move() {
   return *kMove;
 }
 
-// Two cameras; the second moves, and its pose is as it was before. By a pixel to and fro, the
-// target's poses are not what is wrong.
-TrialProblem Trial(bool moves) {
+// Two cameras; the second moves, until it is back, and its pose is as it was before. By a pixel to
+// and fro, the target's poses are not what is wrong.
+TrialProblem Trial(bool moves, int until = kInstants) {
   std::vector<ExactWand> wands;
   for (int i = 0; i < kInstants; ++i) {
     const double t = 0.1 * i;
@@ -42,7 +42,7 @@ TrialProblem Trial(bool moves) {
   moved.translation_m += Move().tail<3>();
   for (int i = 0; i < kInstants; ++i) {
     trial.instant_time_ns.push_back(i * kStepNs);
-    if (!moves || i < kMovedFrom) continue;
+    if (!moves || i < kMovedFrom || i >= until) continue;
     const BundleInstant& instant = problem.instants[static_cast<size_t>(i)];
     const BundleObservation& observation = problem.ObservationsOf(instant)[1];
     for (BundleMarker& marker : problem.MarkersOf(observation)) {
@@ -64,14 +64,31 @@ TEST(MoveScanTest, FindsWhenACameraMovedAndHow) {
   const auto found = ScanForMove(trial, timeline, 1);
   ASSERT_TRUE(found.has_value());
   EXPECT_LE(std::abs(found->time_ns - kMovedFrom * kStepNs), 2 * kStepNs);
+  EXPECT_FALSE(found->IsBack());
   EXPECT_GT(found->gain, 0.8);
   EXPECT_LT(found->before.norm(), 2e-4);
   EXPECT_LT((found->after - Move()).norm(), 5e-4);
-  EXPECT_TRUE(HoldsForOtherTimes(trial, timeline, 1, found->time_ns));
+  EXPECT_TRUE(HoldsForOtherTimes(trial, timeline, 1, *found));
   // 1000 px times some milliradians.
-  const double error_px = LargestErrorPx(trial, timeline, 1, found->time_ns);
+  const double error_px = LargestErrorPx(trial, timeline, 1, *found);
   EXPECT_GT(error_px, 1);
   EXPECT_LT(error_px, 8);
+}
+
+TEST(MoveScanTest, FindsACameraThatMovedThereAndBack) {
+  const int back = kMovedFrom + 40;
+  const TrialProblem trial = Trial(true, back);
+  const SessionTimeline timeline(trial, {{}});
+  const auto found = ScanForMove(trial, timeline, 1);
+  ASSERT_TRUE(found.has_value());
+  ASSERT_TRUE(found->IsBack());
+  EXPECT_LE(std::abs(found->time_ns - kMovedFrom * kStepNs), 2 * kStepNs);
+  EXPECT_LE(std::abs(found->until_ns - back * kStepNs), 2 * kStepNs);
+  EXPECT_GT(found->gain, 0.8);
+  EXPECT_LT(found->before.norm(), 2e-4);
+  EXPECT_LT((found->after - Move()).norm(), 5e-4);
+  EXPECT_TRUE(HoldsForOtherTimes(trial, timeline, 1, *found));
+  EXPECT_GT(LargestErrorPx(trial, timeline, 1, *found), 1);
 }
 
 TEST(MoveScanTest, FindsNothingInACameraThatStandsStill) {
@@ -81,7 +98,7 @@ TEST(MoveScanTest, FindsNothingInACameraThatStandsStill) {
     const auto found = ScanForMove(trial, timeline, camera);
     if (!found) continue;
     EXPECT_LT(found->gain, kMinScanGain);
-    EXPECT_FALSE(HoldsForOtherTimes(trial, timeline, camera, found->time_ns));
+    EXPECT_FALSE(HoldsForOtherTimes(trial, timeline, camera, *found));
   }
 }
 

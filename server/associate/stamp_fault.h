@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+namespace rigcal::server {
+
+// Something about the rows of one camera in one session that the rows themselves show.
+struct StampFault {
+  enum class Kind {
+    kSteps,       // its clock was set; size: the largest step, seconds, positive where forward
+    kOutOfOrder,  // rows that were not in the order of their stamps; size: how many
+    kRepeat,      // rows that have the stamp of the row before; size: their share, percent
+    kBursts,      // rows whose stamps come in groups; size: their share, percent
+    kTwice,       // rows that come several times; size: how many were taken away
+    kAtOrigin,    // markers at (0, 0), taken as not seen; size: how many
+    kCopied,      // rows that another camera has as well; size: their share, percent
+  };
+  Kind kind = Kind::kSteps;
+  std::string session_id, camera;
+  double size = 0;
+  std::string what;  // a sentence without a full stop
+};
+
+}  // namespace rigcal::server

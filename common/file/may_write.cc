@@ -20,7 +20,8 @@ absl::Status CheckOutputFile(const std::filesystem::path& path, bool replace,
   const std::filesystem::path folder = path.parent_path();
   if (!folder.empty() && !std::filesystem::exists(folder, error)) {
     return absl::NotFoundError(absl::StrCat("cannot write ", path.string(), ": there is no folder ",
-                                            folder.string(), "; make it, or name another one"));
+                                            folder.string(), "; make it, or name another one with ",
+                                            std::string(option)));
   }
   if (replace || !std::filesystem::is_regular_file(path, error)) return absl::OkStatus();
   return absl::AlreadyExistsError(absl::StrCat(path.string(),

@@ -297,7 +297,7 @@ TEST_F(CalibrationCommand, ResidualsAreATableOfCameras) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(fake_.asked_residuals.camera(), "left");
   EXPECT_THAT(outcome.out,
-              ContainsRegex("left +100 +3 +0.500 +0.750 +0.200 +-0.100 +\\|@.\\| +1.00"));
+              ContainsRegex("left +100 +3 +0.250 +0.125 +0.750 +0.200 +-0.100 +\\|@.\\| +1.00"));
   const json as_json = json::parse(Rigcal({"calibration", "residuals", "c-1", "-o", "json"}).out);
   EXPECT_EQ(as_json.at("cameras").at(0).at("inlier_counts").at(1), 80);
   EXPECT_EQ(Rigcal({"calibration", "residuals", "c-404"}).exit_code, 1);

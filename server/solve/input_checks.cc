@@ -184,7 +184,7 @@ absl::Status CheckColumns(const std::vector<CameraTrack>& tracks) {
     for (const Observation& row : track.observations) {
       markers.resize(std::max(markers.size(), row.markers.size()));
       for (size_t m = 0; m < row.markers.size(); ++m) {
-        if (!row.markers[m].visible) continue;
+        if (!row.markers[m].visible || !row.markers[m].centre_px.allFinite()) continue;
         const Eigen::Array2d at_px = row.markers[m].centre_px.array();
         Seen& seen = markers[m];
         seen.least_px = seen.count == 0 ? at_px : seen.least_px.min(at_px);

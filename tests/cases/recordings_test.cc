@@ -277,7 +277,9 @@ TEST_F(Recordings, ACameraThatIsPushedIsNamedAlsoWhereItIsPutBack) {
     const CommandResult result = Calibrate();
     EXPECT_EQ(result.exit_code, 3) << result.output << result.error;
     EXPECT_THAT(result.output, ContainsRegex("camera_moved +error +" + cameras_[2])) << parts;
-    if (parts == 3) EXPECT_THAT(result.output, HasSubstr("and back"));
+    if (parts == 3) {
+      EXPECT_THAT(result.output, HasSubstr("and back"));
+    }
   }
 }
 

@@ -8,7 +8,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/detect/frame/image_exposure.h"
-#include "agent/detect/frame/other_spacing.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -103,7 +102,7 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
   }
-  RIGCAL_ASSIGN_OR_RETURN(SpotFinder spot_finder, SpotFinder::Create(options));
+  RIGCAL_ASSIGN_OR_RETURN(SpotFinder spot_finder, SpotFinder::Create(options, options.without));
   return WandDetector(options, target, camera, std::move(spot_finder));
 }
 
@@ -141,8 +140,6 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
     Follow(*wand, &detection);
   } else {
     track_.Forget();
-    detection.other_middle_share =
-        OtherSpacing(search_.spot_finder().spots(), search_.wand_finder()).value_or(0);
   }
   return detection;
 }

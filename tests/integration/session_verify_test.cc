@@ -315,10 +315,6 @@ TEST_F(SessionVerify, ASpoolThatLostItsEndIsCountedOrNotVerified) {
     }
     EXPECT_THAT(KindsOf(verified), AllOf(Contains("end_unknown"), Each("end_unknown")));
     EXPECT_THAT(stopped.error, HasSubstr("is not known: agent pc"));
-    const CommandResult calibrated = Rigcal({"calibrate", "wave", "--wait", "-o", "json"});
-    const json calibration = json::parse(calibrated.output, nullptr, false);
-    EXPECT_FALSE(FindingOf(calibration, verified.at("problems")[0].at("camera")).is_null());
-    EXPECT_NE(calibration.at("quality").at("grade"), "GRADE_GOOD");
   }
 }
 

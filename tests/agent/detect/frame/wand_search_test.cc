@@ -46,8 +46,8 @@ Searched SearchHidden(double right, bool white = false) {
   const WandDetectorOptions options;
   auto finder = SpotFinder::Create(options);
   EXPECT_THAT(finder, ::rigcal::testing::IsOk());
-  WandSearch search(options, options.colour.washed_out_min, false, scene.target, scene.camera,
-                    *std::move(finder));
+  WandSearch search(options, options.colour.washed_out_min, false, WandMechanisms{}, scene.target,
+                    scene.camera, *std::move(finder));
   search.StartImage();
   Searched searched;
   searched.wand = search.SearchAll(scene.View()).wand;

@@ -264,12 +264,10 @@ std::vector<std::string> FormatLiveScreen(const v1::LiveState& live,
   return screen.Take();
 }
 
-std::string FormatLiveLine(const v1::LiveState& live) {
-  std::string line = absl::StrCat(SessionText(live), "; ", FigureText(live));
-  if (const std::string goal = GoalText(live); !goal.empty())
-    absl::StrAppend(&line, " (", goal, ")");
-  // Its cameras do nothing for it any more.
-  if (HasFinished(live)) return Printable(line);
+namespace {
+
+// What the cameras do for the session, and where to wave next.
+void AppendProgress(const v1::LiveState& live, std::string* line) {
   size_t capturing = 0;
   double rate_hz = 0;
   double wand_hz = 0;
@@ -278,15 +276,24 @@ std::string FormatLiveLine(const v1::LiveState& live) {
     rate_hz += camera.observation_rate_hz();
     wand_hz += camera.wand_rate_hz();
   }
-  absl::StrAppend(&line, "; ", capturing, " of ",
+  absl::StrAppend(line, "; ", capturing, " of ",
                   FormatCount(static_cast<uint64_t>(live.cameras_size()), "camera"), ", ",
                   FormatFixed(rate_hz, 0), " rows/s, ", FormatFixed(wand_hz, 0), " with wand");
   if (const std::string worst = WorstText(live); !worst.empty()) {
-    absl::StrAppend(&line, "; worst ", worst);
+    absl::StrAppend(line, "; worst ", worst);
   }
   if (!live.estimate().advice().empty()) {
-    absl::StrAppend(&line, "; wave next: ", live.estimate().advice(0).text());
+    absl::StrAppend(line, "; wave next: ", live.estimate().advice(0).text());
   }
+}
+
+}  // namespace
+
+std::string FormatLiveLine(const v1::LiveState& live) {
+  std::string line = absl::StrCat(SessionText(live), "; ", FigureText(live));
+  if (const std::string goal = GoalText(live); !goal.empty())
+    absl::StrAppend(&line, " (", goal, ")");
+  if (!HasFinished(live)) AppendProgress(live, &line);
   if (const std::string monitor = MonitorText(live.monitor()); !monitor.empty()) {
     absl::StrAppend(&line, "; monitor: ", monitor);
   }

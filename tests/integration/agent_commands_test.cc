@@ -124,9 +124,9 @@ TEST_F(AgentCommands, DetectGivesTheCentresOfSpheresIfItHasIntrinsics) {
                                  .intrinsics = *camera.description.intrinsics,
                                  .cam_from_rig = {}}),
               IsOk());
-  const CommandResult result =
-      RunCommand({"rigcal-agent", "detect", folder().string(), "--target", kTarget, "--calibration",
-                  Path("camera.yaml").string(), "--output", Path("left.csv").string(), "-o", "json"});
+  const CommandResult result = RunCommand({"rigcal-agent", "detect", folder().string(), "--target",
+                                           kTarget, "--calibration", Path("camera.yaml").string(),
+                                           "--output", Path("left.csv").string(), "-o", "json"});
   ASSERT_EQ(result.exit_code, 0) << result.error;
   EXPECT_EQ(json::parse(result.output)["centres"], "sphere");
   const auto rows = ReadCsv(Path("left.csv"));
@@ -147,8 +147,9 @@ TEST_F(AgentCommands, DetectGivesTheCentresOfSpheresIfItHasIntrinsics) {
 
 TEST_F(AgentCommands, DetectFindsTheSameWithoutTracking) {
   const auto run = [&](std::vector<std::string> more) {
-    std::vector<std::string> command = {"rigcal-agent", "detect", folder().string(),     "--target",
-                                        kTarget,        "--output",  Path("a.csv").string()};
+    std::vector<std::string> command = {
+        "rigcal-agent", "detect",   folder().string(),      "--target",
+        kTarget,        "--output", Path("a.csv").string(), "--force"};
     command.insert(command.end(), more.begin(), more.end());
     const CommandResult result = RunCommand(command);
     EXPECT_EQ(result.exit_code, 0) << result.error;

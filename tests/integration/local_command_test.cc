@@ -164,9 +164,9 @@ TEST_F(LocalCommandFiles, DuplicatesAreJudged) {
 }
 
 TEST_F(LocalCommandFiles, ClockThatJumpsBackIsACountedEpoch) {
-  const std::string text = ReadFile("sim_0.csv");
-  const std::string first = text.substr(0, text.find('\n') + 1);
-  WriteFile("sim_0.csv", text + first);
+  // A row that was not there before: one that comes again would be used once.
+  const std::string other = ReadFile("sim_1.csv");
+  WriteFile("sim_0.csv", ReadFile("sim_0.csv") + other.substr(0, other.find('\n') + 1));
   const CommandResult result = Local();
   ASSERT_EQ(result.exit_code, 0) << result.error;
   EXPECT_EQ(RefusedCount(json::parse(result.output), "sim_0",

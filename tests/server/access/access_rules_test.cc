@@ -48,10 +48,11 @@ TEST(AccessRules, ARefusalNamesWhoWhichRoleAndWhat) {
   EXPECT_THAT(server::CheckAccess(PeerOf(Role::kViewer), kStop),
               StatusIs(absl::StatusCode::kPermissionDenied,
                        AllOf(HasSubstr("user 'kim'"), HasSubstr("3fa2"), HasSubstr("role viewer"),
-                             HasSubstr("rigcal.v1.SessionService/StopSession"),
-                             HasSubstr("operator or admin"))));
+                             HasSubstr("(StopSession)"), HasSubstr("needs operator or admin"),
+                             HasSubstr("rigcal token create --role operator"))));
   EXPECT_THAT(server::CheckAccess(PeerOf(Role::kAdmin), kConnect),
-              StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("needs the role agent")));
+              StatusIs(absl::StatusCode::kPermissionDenied,
+                       AllOf(HasSubstr("needs agent"), HasSubstr("rigcal-agent join"))));
   EXPECT_THAT(server::CheckAccess(PeerOf(Role::kOperator), kStop), IsOk());
   EXPECT_THAT(server::CheckAccess(PeerOf(Role::kAgent), kConnect), IsOk());
 }

@@ -276,6 +276,10 @@ TEST_F(DatabaseCare, RestoreRefusesADamagedBackupUnlessToldOtherwise) {
   EXPECT_THAT(RestoreDatabase(Backup(), folder(), {.take_damaged = true}, kNoProgress), IsOk());
   Open();
   EXPECT_EQ(ReadRows(store()).size(), 100u);
+  // A server runs on this folder: that is said first.
+  EXPECT_THAT(RestoreDatabase(Backup(), folder(), {}, kNoProgress),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("in use")));
+  Close();
   EXPECT_THAT(RestoreDatabase(directory_.path() / "none", folder(), {}, kNoProgress),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("none")));
 }

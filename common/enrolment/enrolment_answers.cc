@@ -20,9 +20,9 @@ absl::Status RefusalOf(const std::string& address, const HttpsAnswer& answer) {
   const auto json = ParseJson<AnswerJson>(answer.body);
   if (!json.is_object() || !json.contains("code") || !json["code"].is_string() ||
       !json.contains("message") || !json["message"].is_string()) {
-    return absl::UnavailableError(absl::StrCat("the server at ", address, " answered with HTTP ",
-                                               answer.status,
-                                               ": it is another program or another version"));
+    return absl::AbortedError(absl::StrCat("the server at ", address, " answered with HTTP ",
+                                           answer.status,
+                                           ": it is another program or another version"));
   }
   absl::StatusCode code = absl::StatusCode::kInternal;
   const std::string name = json["code"].get<std::string>();
@@ -48,7 +48,7 @@ absl::Status NotAlone(const std::string& address, const absl::Status& fault) {
 absl::StatusOr<std::string> ReadCa(const std::string& address, const HttpsAnswer& answer,
                                    const JoinString& join) {
   if (answer.status != 200 || !ParseCertificate(answer.body).ok()) {
-    return absl::UnavailableError(
+    return absl::AbortedError(
         absl::StrCat("at ", address, " is no rigcal server: it shows no certificate of a CA"));
   }
   const absl::StatusOr<Certificate> ca = ParseOnlyCertificate(answer.body);
@@ -67,7 +67,7 @@ absl::Status ReadIssued(const std::string& address, const HttpsAnswer& answer,
   if (answer.status != 200) return RefusalOf(address, answer);
   const auto json = ParseJson<AnswerJson>(answer.body);
   if (!json.is_object() || !json.contains("certificate") || !json["certificate"].is_string()) {
-    return absl::UnavailableError(
+    return absl::AbortedError(
         absl::StrCat("the answer of the server at ", address, " holds no certificate"));
   }
   const absl::StatusOr<Certificate> certificate =
@@ -80,8 +80,8 @@ absl::Status ReadIssued(const std::string& address, const HttpsAnswer& answer,
   PeerIdentity issued = *identity;
   issued.certificate_pem = certificate->pem;
   if (const absl::Status servers = ParseServers(answer.body, &issued); !servers.ok()) {
-    return absl::UnavailableError(absl::StrCat("the answer of the server at ", address, ": ",
-                                               std::string(servers.message())));
+    return absl::AbortedError(absl::StrCat("the answer of the server at ", address, ": ",
+                                           std::string(servers.message())));
   }
   // A server whose network has just gone knows none of its addresses.
   if (issued.grpc.empty()) issued.grpc = identity->grpc;

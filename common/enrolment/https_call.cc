@@ -124,6 +124,13 @@ asio::awaitable<absl::StatusOr<HttpsAnswer>> Call(const HttpsRequest& request,
   http::response_parser<http::string_body> parser;
   parser.body_limit(kMaxAnswerBytes);
   co_await http::async_read(stream, buffer, parser, token());
+  const ErrorCode too_long = http::error::body_limit;  // or what is no HTTP
+  if (error.category() == too_long.category() && error != http::error::end_of_stream &&
+      error != http::error::partial_message) {
+    co_return absl::AbortedError(absl::StrCat("at ", request.address,
+                                              " is no rigcal server: its answer cannot be read (",
+                                              error.message(), ")"));
+  }
   if (error) co_return Unreachable(request, error.message());
   co_return HttpsAnswer{.status = parser.get().result_int(),
                         .body = parser.get().body(),

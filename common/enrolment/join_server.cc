@@ -42,19 +42,24 @@ absl::StatusOr<std::string> FetchCa(const std::string& address, const JoinString
   return ReadCa(address, answer, join);
 }
 
-// Unreachable hosts are passed over; any other answer counts.
+// Hosts that cannot be reached (kUnavailable) and those where another program answers (kAborted)
+// are passed over; any other answer counts.
 template <typename Try>
 absl::Status TryInTurn(const std::vector<std::string>& addresses, const Try& attempt) {
   std::vector<std::string> faults;
+  bool all_answered = true;
   for (const std::string& address : addresses) {
     const absl::Status status = attempt(address);
-    if (!absl::IsUnavailable(status)) return status;
+    if (!absl::IsUnavailable(status) && !absl::IsAborted(status)) return status;
+    all_answered &= absl::IsAborted(status);
     faults.emplace_back(status.message());
   }
-  return absl::UnavailableError(
-      absl::StrCat(absl::StrJoin(faults, "; "),
-                   ". Is rigcal-server running, and does the firewall of its PC let "
-                   "TCP 7420 and 7421 in?"));
+  return absl::UnavailableError(absl::StrCat(
+      absl::StrJoin(faults, "; "), ". ",
+      all_answered ? "Another program has this address and port: is the address right, and does "
+                     "rigcal-server run there?"
+                   : "Is rigcal-server running, and does the firewall of its PC let TCP 7420 and "
+                     "7421 in?"));
 }
 
 }  // namespace

@@ -55,8 +55,8 @@ struct Identity {
 };
 
 bool IsDocumented(const absl::Status& status) {
-  return absl::IsUnavailable(status) || absl::IsFailedPrecondition(status) ||
-         absl::IsUnauthenticated(status);
+  return absl::IsUnavailable(status) || absl::IsAborted(status) ||
+         absl::IsFailedPrecondition(status) || absl::IsUnauthenticated(status);
 }
 
 void CheckCa(const Identity& identity, const rigcal::HttpsAnswer& answer) {
@@ -65,7 +65,7 @@ void CheckCa(const Identity& identity, const rigcal::HttpsAnswer& answer) {
     // This one, to the last byte: nothing came with it.
     FUZZ_CHECK(*ca == identity.joined.ca_pem);
   } else {
-    FUZZ_CHECK(absl::IsUnavailable(ca.status()) || absl::IsFailedPrecondition(ca.status()));
+    FUZZ_CHECK(absl::IsAborted(ca.status()) || absl::IsFailedPrecondition(ca.status()));
   }
 }
 

@@ -34,6 +34,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::SizeIs;
 
 class JoinServer : public JoinFixture {
@@ -208,6 +209,21 @@ TEST_F(JoinServer, SendsNothingToAnImpostorWhoAddsHisOwnCa) {
   join.https_port = real_port;
   ASSERT_OK_AND_ASSIGN(const PeerIdentity identity, rigcal::JoinServer(join, "pc-1"));
   EXPECT_EQ(identity.ca_pem, ca) << "the join string is still good";
+}
+
+// Another program has the address: a firewall is not the cause.
+TEST_F(JoinServer, NamesAnotherProgramAtTheAddress) {
+  StartServer();
+  Impostor impostor("");
+  rigcal::JoinString join = MakeJoin();
+  join.https_port = impostor.port();
+  for (const std::string& answer : {std::string("<html>"), std::string(300'000, 'x')}) {
+    impostor.SetCaAnswer(answer);
+    EXPECT_THAT(rigcal::JoinServer(join, "pc-1"),
+                StatusIs(absl::StatusCode::kUnavailable,
+                         AllOf(HasSubstr("no rigcal server"), HasSubstr("Another program"),
+                               Not(HasSubstr("firewall")))));
+  }
 }
 
 // Who gives a text of two certificates as the CA trusts neither.

@@ -3,6 +3,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/command/event_file_flags.h"
+#include "agent/command/reading_line.h"
 #include "agent/command/subcommands.h"
 #include "agent/event_files/event_conversion.h"
 #include "agent/event_files/event_file_writer.h"
@@ -45,14 +46,17 @@ std::string FormatSummary(const ConvertFlags& flags, const ConversionSummary& su
 
 absl::Status Convert(const ConvertFlags& flags, std::ostream& out) {
   RIGCAL_RETURN_IF_ERROR(CheckEventFileEnding(flags.out));
-  const auto summary =
-      ConvertEventFile({.in = flags.in,
-                        .out = flags.out,
-                        .geometry = flags.file.geometry,
-                        .plain = flags.file.plain,
-                        .layout = flags.layout,
-                        .raw = flags.raw == "evt2" ? EventFormat::kEvt2 : EventFormat::kEvt3,
-                        .force = flags.force});
+  const auto summary = [&] {
+    ReadingLine line;
+    return ConvertEventFile({.in = flags.in,
+                             .out = flags.out,
+                             .geometry = flags.file.geometry,
+                             .plain = flags.file.plain,
+                             .layout = flags.layout,
+                             .raw = flags.raw == "evt2" ? EventFormat::kEvt2 : EventFormat::kEvt3,
+                             .force = flags.force,
+                             .on_read = [&line](uint64_t count) { line.ShowEvents(count); }});
+  }();
   if (!summary.ok()) {
     // A fault of the file, not of the command line.
     return absl::FailedPreconditionError(std::string(summary.status().message()));

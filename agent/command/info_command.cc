@@ -2,6 +2,7 @@
 #include <string>
 
 #include "agent/command/event_file_flags.h"
+#include "agent/command/reading_line.h"
 #include "agent/command/subcommands.h"
 #include "agent/event_files/event_file_info.h"
 
@@ -15,8 +16,11 @@ struct InfoFlags {
 };
 
 absl::Status Info(const InfoFlags& flags, std::ostream& out) {
-  const absl::StatusOr<EventFileInfo> info =
-      ReadEventFileInfo(flags.path, flags.file.geometry, flags.file.plain);
+  const absl::StatusOr<EventFileInfo> info = [&] {
+    ReadingLine line;
+    return ReadEventFileInfo(flags.path, flags.file.geometry, flags.file.plain,
+                             [&line](uint64_t count) { line.ShowEvents(count); });
+  }();
   if (!info.ok()) {
     // A fault of the file, not of the command line.
     return absl::FailedPreconditionError(std::string(info.status().message()));

@@ -54,7 +54,7 @@ struct PlainSink {
 
 template <typename Decoder>
 absl::Status CopyAll(Decoder decoder, EventFile* file, PlainEventWriter* writer,
-                     ConversionSummary* summary) {
+                     const EventsRead& on_read, ConversionSummary* summary) {
   PlainSink<Decoder> sink{decoder, {}, 0};
   while (true) {
     RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file->Next(kPieceBytes));
@@ -63,6 +63,7 @@ absl::Status CopyAll(Decoder decoder, EventFile* file, PlainEventWriter* writer,
     decoder.Decode(bytes, sink);
     summary->cd_events += sink.events.size();
     RIGCAL_RETURN_IF_ERROR(writer->Write(sink.events));
+    if (on_read) on_read(summary->cd_events);
   }
   summary->trigger_events = sink.trigger_events;
   summary->cd_events -= sink.trigger_events;
@@ -106,7 +107,9 @@ absl::StatusOr<ConversionSummary> ConvertEventFile(const ConversionOptions& opti
                             options.layout, options.raw));
   ConversionSummary summary;
   RIGCAL_RETURN_IF_ERROR(std::visit(
-      [&](const auto& decoder) { return CopyAll(decoder, file.get(), writer.get(), &summary); },
+      [&](const auto& decoder) {
+        return CopyAll(decoder, file.get(), writer.get(), options.on_read, &summary);
+      },
       MakeEventDecoder(header.format, header.halves_swapped,
                        geometry.value_or(EveryPixel(header.format)))));
   RIGCAL_RETURN_IF_ERROR(writer->Finish());

@@ -18,6 +18,7 @@ struct ConversionOptions {
   std::string layout = "compound";         // of HDF5: compound or events
   EventFormat raw = EventFormat::kEvt3;    // of RAW: kEvt3 or kEvt2
   bool force = false;                      // replace a file that is there
+  EventsRead on_read;                      // may be null
 };
 
 struct ConversionSummary {

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -43,6 +44,9 @@ struct EventFileOptions {
 
 // "time", "columns" and "endianness"
 void AddOptions(EventFileOptions* options, OptionTable* table);
+
+// Told now and then how many events of a file have been read.
+using EventsRead = std::function<void(uint64_t count)>;
 
 // Facts that a file of events states itself.
 struct EventFileHeader {

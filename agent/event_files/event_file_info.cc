@@ -98,7 +98,8 @@ struct ExtentSink {
 };
 
 template <typename Decoder>
-absl::Status CountAll(Decoder decoder, EventFile* file, EventFileInfo* info) {
+absl::Status CountAll(Decoder decoder, EventFile* file, const EventsRead& on_read,
+                      EventFileInfo* info) {
   InfoSink sink(&decoder, info);
   FaultLocator locator;
   const uint64_t begin = file->byte_offset();
@@ -111,6 +112,7 @@ absl::Status CountAll(Decoder decoder, EventFile* file, EventFileInfo* info) {
     for (const auto& [name, offset] : locator.places()) {
       info->first_faults.try_emplace(name, file->PlaceOf(begin + offset));
     }
+    if (on_read) on_read(info->cd_events);
   }
   sink.EndEpoch();
   info->faults = decoder.faults();
@@ -134,7 +136,8 @@ absl::Status FindExtent(Decoder decoder, EventFile* file, EventFileInfo* info) {
 
 absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
                                                 std::optional<SensorGeometry> geometry,
-                                                const EventFileOptions& plain) {
+                                                const EventFileOptions& plain,
+                                                const EventsRead& on_read) {
   RIGCAL_ASSIGN_OR_RETURN(const auto file, OpenEventFile(path, plain));
   EventFileInfo info;
   info.path = path;
@@ -146,7 +149,7 @@ absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
   };
   RIGCAL_ASSIGN_OR_RETURN(const auto known, GeometryOf(path, info.header, geometry));
   RIGCAL_RETURN_IF_ERROR(
-      std::visit([&](const auto& decoder) { return CountAll(decoder, file.get(), &info); },
+      std::visit([&](const auto& decoder) { return CountAll(decoder, file.get(), on_read, &info); },
                  decoder_of(known.value_or(EveryPixel(EventFormat::kEvt3)))));
   if (info.faults.outside_geometry == 0) return info;
   RIGCAL_ASSIGN_OR_RETURN(const auto again, OpenEventFile(path, plain));

@@ -57,7 +57,8 @@ struct EventFileInfo {
 // the format can name is taken. Errors as OpenEventFile's.
 absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
                                                 std::optional<SensorGeometry> geometry,
-                                                const EventFileOptions& plain = {});
+                                                const EventFileOptions& plain = {},
+                                                const EventsRead& on_read = nullptr);
 
 // For people.
 std::string FormatInfo(const EventFileInfo& info);

@@ -124,12 +124,7 @@ void AddExportOptions(CLI::App* app, ExportOptions* options) {
             "shows no point of the image wrong by more than this (default 0.5)")
       ->check(NumberBetween(0, 100));
   AddParsedOption(
-      app, "--up", "y|z", &options->up,
-      [](const std::string& text) -> absl::StatusOr<UpAxis> {
-        if (text == "y") return UpAxis::kY;
-        if (text == "z") return UpAxis::kZ;
-        return absl::InvalidArgumentError("must be y or z");
-      },
+      app, "--up", "y|z", &options->up, ParseUpAxis,
       "The axis of the rig frame that points up (z after rigcal calibration origin), for blender, "
       "whose z is up, and usd, which says its axis; without it the axes stay as they are");
 }

@@ -363,9 +363,11 @@ std::string FormatHeadlineFigures(const v1::Calibration& calibration) {
     const int count = target.marker_positions_m_size();
     const std::string advice = FormatScaleAdvice(
         target.scale_sigma_rel(), count > 0 ? target.marker_positions_m(count - 1) : 0);
-    absl::StrAppend(&text, "expected error     ",
+    // The figure believes the rows, and a bad result is one whose rows contradict it.
+    const bool is_bad = calibration.quality().grade() == v1::Quality::GRADE_BAD;
+    absl::StrAppend(&text, "expected error     ", is_bad ? "at least " : "",
                     FormatPointError(headline.point_error_m(), target.scale_sigma_rel()),
-                    ", in 95 % of the waved places\n",
+                    is_bad ? ": it is graded bad\n" : ", in 95 % of the waved places\n",
                     advice.empty() ? "" : absl::StrCat("                   ", advice, "\n"));
   }
   absl::StrAppend(&text, "reprojection error ", FormatFixed(headline.used_mean_px(), 3),

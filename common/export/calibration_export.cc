@@ -124,8 +124,9 @@ absl::StatusOr<const CalibrationExportFormat*> FindCalibrationExportFormat(std::
 
 absl::StatusOr<ExportDownload> MakeDownload(const CalibrationExportFormat& format,
                                             const v1::Calibration& calibration,
-                                            std::string_view variant) {
-  RIGCAL_ASSIGN_OR_RETURN(std::vector<ExportFile> files, format.make(calibration));
+                                            std::string_view variant,
+                                            const ExportOptions& options) {
+  RIGCAL_ASSIGN_OR_RETURN(std::vector<ExportFile> files, format.make(calibration, options));
   const std::string base = absl::StrCat(calibration.id(), "-", format.name,
                                         absl::string_view(variant.data(), variant.size()));
   if (files.size() == 1) {

@@ -64,7 +64,8 @@ struct ExportDownload {
 // the name of the file. The errors are those of the format.
 absl::StatusOr<ExportDownload> MakeDownload(const CalibrationExportFormat& format,
                                             const rigcal::v1::Calibration& calibration,
-                                            std::string_view variant = {});
+                                            std::string_view variant = {},
+                                            const ExportOptions& options = {});
 
 // FAILED_PRECONDITION unless it has succeeded.
 absl::Status CheckHasResult(const rigcal::v1::Calibration& calibration);

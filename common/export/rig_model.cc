@@ -71,6 +71,12 @@ bool ExportedCamera::HasDistortion() const {
                      [](double value) { return value != 0; });
 }
 
+absl::StatusOr<UpAxis> ParseUpAxis(std::string_view text) {
+  if (text == "y") return UpAxis::kY;
+  if (text == "z") return UpAxis::kZ;
+  return absl::InvalidArgumentError("must be y or z");
+}
+
 absl::StatusOr<ExportedRig> RigOf(const v1::Calibration& calibration) {
   RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
   if (!calibration.scale_known()) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -28,6 +29,8 @@ enum class UpAxis : uint8_t {
   kY,
   kZ,
 };
+// "y" or "z". INVALID_ARGUMENT: neither.
+absl::StatusOr<UpAxis> ParseUpAxis(std::string_view text);
 
 // A camera as every writer gets it.
 struct ExportedCamera {

@@ -250,6 +250,7 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
     proto->mutable_headline()->set_point_error_m(result.headline->point_error_m);
     proto->mutable_headline()->set_used_mean_px(result.headline->used_mean_px);
     proto->mutable_headline()->set_unused_share(result.headline->unused_share);
+    proto->mutable_headline()->set_scale_sigma_rel(result.target.scale_sigma_rel);
   }
   proto->mutable_quality()->set_predicted_error_m(result.quality.predicted_error_m);
   proto->mutable_quality()->set_accepted_error_m(result.quality.accepted_error_m);

@@ -139,6 +139,25 @@ absl::Status FillResiduals(const Calibration& calibration, const std::string& ca
                    " was made before residuals were kept; calibrate its sessions again"));
 }
 
+// Of an ExportCalibrationRequest or a ListExportsRequest.
+template <typename Request>
+absl::StatusOr<ExportOptions> ReadExportOptions(const Request& request) {
+  ExportOptions options;
+  if (!(request.max_error_px() >= 0 && request.max_error_px() <= 100)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("max_error_px: ", request.max_error_px(), " is not between 0 and 100"));
+  }
+  if (request.max_error_px() > 0) options.max_error_px = request.max_error_px();
+  if (request.up_axis().empty()) return options;
+  const absl::StatusOr<UpAxis> up = ParseUpAxis(request.up_axis());
+  if (!up.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("up_axis: ", std::string(up.status().message())));
+  }
+  options.up = *up;
+  return options;
+}
+
 // Of the whole calibration the covariance is a part, where it fits into the answer.
 void AddCovariance(const Calibration& calibration, const std::string& format_name,
                    std::string* content) {
@@ -152,9 +171,10 @@ absl::Status FillExport(const v1::Calibration& calibration,
                         v1::ExportCalibrationResponse* response) {
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationExportFormat* format,
                           FindCalibrationExportFormat(request.format()));
+  RIGCAL_ASSIGN_OR_RETURN(const ExportOptions options, ReadExportOptions(request));
   RIGCAL_ASSIGN_OR_RETURN(
       ExportDownload download,
-      MakeDownload(*format, calibration, request.undistorted() ? "-undistorted" : ""));
+      MakeDownload(*format, calibration, request.undistorted() ? "-undistorted" : "", options));
   if (download.content.size() > kMaxExportBytes) {
     return absl::ResourceExhaustedError(
         absl::StrCat("calibration ", calibration.id(), " has ", download.content.size(),
@@ -309,13 +329,14 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
                            v1::ListExportsResponse* response) override {
     return GuardedCall("ListExports", [&]() -> absl::Status {
       RIGCAL_ASSIGN_OR_RETURN(const Calibration calibration, runner_.GetCalibration(request->id()));
+      RIGCAL_ASSIGN_OR_RETURN(const ExportOptions options, ReadExportOptions(*request));
       v1::Calibration described = wire::ToProto(calibration);
       if (request->undistorted()) described = Undistorted(std::move(described));
       for (const CalibrationExportFormat& format : CalibrationExportFormats()) {
         v1::ExportFormat* const proto = response->add_formats();
         proto->set_name(format.name);
         proto->set_description(format.help);
-        proto->set_problem(std::string(format.make(described).status().message()));
+        proto->set_problem(std::string(format.make(described, options).status().message()));
       }
       return absl::OkStatus();
     });

@@ -159,6 +159,10 @@ for (const size of sizes) {
       const downloads = page.locator('.panel.downloads');
       await downloads.getByText('its cameras have no lens distortion').waitFor();
       assert.equal(await downloads.getByRole('link', { name: 'Blender' }).count(), 0);
+      await downloads.getByLabel(/off by at most/).selectOption('50');
+      await downloads.getByRole('link', { name: 'Blender' }).waitFor();
+      await downloads.getByLabel(/off by at most/).selectOption('0');
+      await downloads.getByText('its cameras have no lens distortion').waitFor();
       await downloads.getByLabel(/Undistorted/).check();
       const waiting = page.waitForEvent('download');
       await downloads.getByRole('link', { name: 'Blender' }).click();

@@ -382,7 +382,7 @@ export class MockServer {
         return this.json(response, { formats: [{ name: 'opencv', description: 'one FileStorage YAML per camera' },
           { name: 'json', description: 'the whole calibration' },
           { name: 'blender', description: 'Python script that adds the cameras; no lens distortion',
-            problem: url.searchParams.get('undistorted') ? '' : 'its cameras have no lens distortion' },
+            problem: url.searchParams.get('undistorted') || Number(url.searchParams.get('max_error_px')) > 20 ? '' : 'its cameras have no lens distortion' },
           { name: 'none', description: 'a format that this one lacks something for', problem: 'it has no metric scale' }] });
       }
       if (match[3]) {

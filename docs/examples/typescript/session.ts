@@ -6,7 +6,7 @@ import { loadSync } from '@grpc/proto-loader';
 import { setTimeout as sleep } from 'node:timers/promises';
 
 interface Session { id: string; state: string }
-interface Headline { point_error_m: number; used_mean_px: number; unused_share: number }
+interface Headline { point_error_m: number; used_mean_px: number; unused_share: number; scale_sigma_rel: number }
 interface Calibration {
   id: string;
   state: string;
@@ -49,8 +49,9 @@ while (!['STATE_SUCCEEDED', 'STATE_FAILED'].includes(calibration.state)) {
 }
 console.log(`calibration ${calibration.id}: ${calibration.state} ${calibration.error}`);
 if (calibration.headline) {
-  const { point_error_m, used_mean_px, unused_share } = calibration.headline;
-  console.log(`${calibration.quality.grade}: expected error ${(1e3 * point_error_m).toFixed(2)} mm, ` +
+  const { point_error_m, used_mean_px, unused_share, scale_sigma_rel } = calibration.headline;
+  console.log(`${calibration.quality.grade}: expected error ${(1e3 * point_error_m).toFixed(2)} mm + ` +
+    `${(100 * scale_sigma_rel).toFixed(2)} % of every length, ` +
     `${used_mean_px.toFixed(3)} px, ${(100 * unused_share).toFixed(1)} % of the wand views not used`);
 }
 process.exit(calibration.state === 'STATE_SUCCEEDED' ? 0 : 1);

@@ -40,6 +40,8 @@ TEST(FormatCalibration, BeginsWithTheGradeAndTheHeadline) {
   EXPECT_THAT(text, HasSubstr("0.331 px, mean of the markers used; 1.2 % of the wand views"));
   EXPECT_LT(text.find("Quality: usable"), text.find("expected error"));
   EXPECT_LT(text.find("expected error"), text.find("Reprojection errors"));
+  calibration.mutable_quality()->set_grade(v1::Quality::GRADE_BAD);
+  EXPECT_THAT(FormatCalibration(calibration), HasSubstr("expected error     at least 0.29 mm"));
 }
 
 TEST(FormatCalibration, ShowsWhereTheCamerasAre) {

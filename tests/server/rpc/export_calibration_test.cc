@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <future>
 #include <string>
 
@@ -192,6 +193,49 @@ TEST_F(ExportCalibration, UndistortedIsAPinholeThatEveryFormatHolds) {
   ASSERT_OK_AND_ASSIGN(const auto json, Export(id, "json", true));
   EXPECT_EQ(json.content().find("-0.3"), std::string::npos);
   EXPECT_EQ(json.content().find("camera_covariance"), std::string::npos);
+}
+
+TEST_F(ExportCalibration, ALensMayBeOffByAsMuchAsTheCallerSays) {
+  Calibration calibration = TwoCameras();
+  for (CalibratedCamera& camera : calibration.result->cameras) {
+    camera.intrinsics.distortion = {-0.01, 0, 0, 0, 0};
+  }
+  const std::string id = Store(calibration);
+  const auto problem_of_blender = [&](double max_error_px) {
+    v1::ListExportsRequest request;
+    request.set_id(id);
+    request.set_max_error_px(max_error_px);
+    request.set_up_axis("z");
+    const auto listed =
+        Ask<v1::ListExportsResponse>(&v1::CalibrationService::Stub::ListExports, request);
+    EXPECT_THAT(listed, IsOk());
+    for (const v1::ExportFormat& format : listed->formats()) {
+      if (format.name() == "blender") return format.problem();
+    }
+    return std::string("not listed");
+  };
+  EXPECT_THAT(problem_of_blender(0), HasSubstr("more than 0.5"));
+  EXPECT_EQ(problem_of_blender(100), "");
+  v1::ExportCalibrationRequest request;
+  request.set_id(id);
+  request.set_format("blender");
+  const auto ask = [&] {
+    return Ask<v1::ExportCalibrationResponse>(&v1::CalibrationService::Stub::ExportCalibration,
+                                              request);
+  };
+  EXPECT_THAT(ask(), StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("more than 0.5")));
+  request.set_max_error_px(100);
+  ASSERT_OK_AND_ASSIGN(const auto as_it_is, ask());
+  request.set_up_axis("y");
+  ASSERT_OK_AND_ASSIGN(const auto turned, ask());
+  EXPECT_NE(as_it_is.content(), turned.content());
+  request.set_up_axis("x");
+  EXPECT_THAT(ask(), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("up_axis")));
+  request.set_up_axis("");
+  for (const double wrong : {-1.0, 101.0, std::nan("")}) {
+    request.set_max_error_px(wrong);
+    EXPECT_THAT(ask(), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("max_error_px")));
+  }
 }
 
 TEST_F(ExportCalibration, RoutesServeTheFileWithItsNameAndType) {

@@ -216,14 +216,25 @@ export function getResiduals(id: string, signal?: AbortSignal): Promise<GetResid
   return ask(`/v1/calibrations/${part(id)}/residuals`, { signal });
 }
 
-/** The formats in which a calibration can be exported, as it is or with pinholes for undistorted images. */
-export function listExports(id: string, undistorted: boolean, signal?: AbortSignal): Promise<ListExportsResponse> {
-  return ask(`/v1/calibrations/${part(id)}/exports${undistorted ? '?undistorted=true' : ''}`, { signal });
+/** How a calibration is exported: as it is or with pinholes for undistorted images; how far a refitted lens may be off. */
+export interface ExportOptions { undistorted: boolean; maxErrorPx: number }
+
+function exportQuery({ undistorted, maxErrorPx }: ExportOptions): string {
+  const query = new URLSearchParams();
+  if (undistorted) query.set('undistorted', 'true');
+  if (maxErrorPx > 0) query.set('max_error_px', String(maxErrorPx));
+  const text = query.toString();
+  return text ? `?${text}` : '';
+}
+
+/** The formats in which a calibration can be exported. */
+export function listExports(id: string, options: ExportOptions, signal?: AbortSignal): Promise<ListExportsResponse> {
+  return ask(`/v1/calibrations/${part(id)}/exports${exportQuery(options)}`, { signal });
 }
 
 /** Where a calibration can be downloaded in a format. */
-export function exportAddress(id: string, format: string, undistorted: boolean): string {
-  return `/v1/calibrations/${part(id)}/exports/${part(format)}${undistorted ? '?undistorted=true' : ''}`;
+export function exportAddress(id: string, format: string, options: ExportOptions): string {
+  return `/v1/calibrations/${part(id)}/exports/${part(format)}${exportQuery(options)}`;
 }
 
 /** All rigs, each with its active calibration. */

@@ -110,7 +110,7 @@ for (const size of sizes) {
       assert.equal(await page.getByRole('button', { name: /Start/ }).count(), 0);
       await checkPage(page, 'no camera');
       await page.getByRole('link', { name: 'Distance mode' }).click();
-      await page.getByText('No camera is connected').waitFor();
+      await page.getByText('No camera is connected').first().waitFor();
       assert.equal(await page.getByRole('button', { name: /Start/ }).count(), 0);
       await page.getByRole('link', { name: 'Back' }).click();
       await page.getByRole('link', { name: 'Join', exact: true }).click();

@@ -15,6 +15,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr std::chrono::seconds kWarnInterval{10};
+constexpr int kFramesOfOtherSpacing = 20;  // before it is said
 // Of the image: background that is worth a line in the log, and again when it has grown so much.
 constexpr double kWorthALine = 1e-4, kGrown = 2;
 
@@ -68,6 +69,7 @@ absl::Status DetectingObservationSource::Start(const Target& target) {
   reported_background_ = 0;
   exposure_facts_ = {.blink_s = BlinkPeriodS(target)};
   exposure_checked_ = false;
+  other_spacing_frames_ = 0;
   detection_ = {};
   detections_ = {};
   refused_ = {};
@@ -174,8 +176,21 @@ void DetectingObservationSource::CheckExposure(const Frame& frame) {
       description().camera, frame.exposure_s * 1e3, blink_s * 1e3);
 }
 
+// Once in a capture, and never where the wand was seen.
+void DetectingObservationSource::CheckSpacing() {
+  if (detections_.Of(DetectionOutcome::kWand) > 0 || !(detection_.other_middle_share > 0)) return;
+  if (++other_spacing_frames_ != kFramesOfOtherSpacing) return;
+  const std::vector<double>& told_m = target_.marker_positions_m;
+  const double told = told_m[1] / told_m.back();
+  spdlog::warn(
+      "camera {}: three like spheres in line are no wand as told: the middle one is at {:.2f} of "
+      "their distance, the target says {:.2f}. Check --target",
+      description().camera, detection_.other_middle_share, std::min(told, 1 - told));
+}
+
 void DetectingObservationSource::Note(const Frame& frame) {
   detections_.Add(detection_.outcome);
+  CheckSpacing();
   const auto example = [&](std::string_view what) {
     return absl::StrCat("frame at ", frame.time_ns, " ns: ", std::string(what));
   };

@@ -27,6 +27,9 @@ struct Detection {
   double marker_radius_px = 0, marker_grey = 0;
   // Of the pixels, 0 to 1: those that do not move and are ignored (BackgroundLearner).
   double background_share = 0;
+  // Without a wand: three like spheres are in line, but the middle one is not where the target says
+  // (OtherSpacing). 0: no such three.
+  double other_middle_share = 0;
 };
 
 }  // namespace rigcal::agent

@@ -25,7 +25,6 @@ constexpr double kMostSaturated = 0.04;
 constexpr double kOwnPx = 1.5;
 constexpr float kForeign = 0.4f;
 constexpr float kAlikeAbove = 0.6f, kAlikeBelow = 1.5f;  // coverage of what looks like the marker
-constexpr double kSameAsMarker = 0.15;  // of the contrast: nearer than this is the marker's grey
 enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
 constexpr int kMaxIterations = 12;
 constexpr double kWeightPx = 1.5;  // beyond an ellipse, where MarkerAperture::Weight is 0
@@ -232,8 +231,7 @@ void MarkerMeter::Block(const MarkerAperture& aperture) {
   });
 }
 
-void MarkerMeter::MeasureAround(const ImageView& image, const MarkerAperture& aperture,
-                                MarkerCentre* centre) const {
+void MarkerMeter::MeasureAround(const MarkerAperture& aperture, MarkerCentre* centre) const {
   const Eigen::Matrix2d own = aperture.Grown(kOwnPx);
   const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
   int count = 0, alike = 0;
@@ -245,20 +243,6 @@ void MarkerMeter::MeasureAround(const ImageView& image, const MarkerAperture& ap
                  : 0;
   });
   if (count > 0) centre->alike = static_cast<double>(alike) / count;
-  const double beyond_px = MarkerCentre::BeyondPx(aperture.b);
-  const Eigen::Matrix2d beyond = aperture.Grown(beyond_px);
-  const Eigen::Matrix2d edge = aperture.Grown(beyond_px + MarkerCentre::kBeyondWidthPx);
-  const auto far = static_cast<float>(kSameAsMarker * centre->contrast_grey);
-  const Eigen::Vector3f plateau = centre->plateau_grey.cast<float>();
-  int same = 0;
-  count = 0;
-  ForEllipse(window_, aperture.centre_px, edge,
-             [&](size_t, int x, int y, const Eigen::Vector2d& d) {
-               if (d.dot(beyond * d) <= 1 || d.dot(edge * d) >= 1) return;
-               ++count;
-               same += (GreyAt(image, x, y) - plateau).squaredNorm() < far * far ? 1 : 0;
-             });
-  if (count > 0) centre->same_grey = static_cast<double>(same) / count;
 }
 
 bool MarkerMeter::FindCentroid(MarkerAperture* aperture, MarkerCentre* centre) {
@@ -350,7 +334,7 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
       if (!Outline(aperture, &outlined)) return false;
       continue;
     }
-    MeasureAround(image, aperture, centre);
+    MeasureAround(aperture, centre);
     Block(aperture);
     centre->has_neighbour =
         std::ranges::any_of(background_.arcs(), [](const auto& arc) { return arc.blocked; });

@@ -41,11 +41,6 @@ struct MarkerCentre {
   // Of what is around it, 0 to 1: the share of the contrast against backgrounds that are saturated.
   double saturated_behind = 0;
   double alike = 0;  // share of what is just outside of it that looks like it, 0 to 1
-  // Share of what is BeyondPx to BeyondPx + kBeyondWidthPx outside of it that has its own grey
-  // levels, whatever is behind, 0 to 1. So far out a sphere that a stick cuts does not reach.
-  double same_grey = 0;
-  static constexpr double kBeyondWidthPx = 1.25;
-  static double BeyondPx(double radius_px) { return std::max(1.5, 0.25 * radius_px); }
   // Channels of which more than a few pixels of the marker are saturated.
   std::array<bool, 3> saturated{};
   bool cut = false;            // the image's border cuts the aperture
@@ -82,9 +77,8 @@ class MarkerMeter {
 
   // The same of a marker with something else near, whatever was measured last: up to close by the
   // outline of `blob`, against what is right beside it there. False: nothing can be read.
-  // `by_colour`: by its colour without white, which white light on it or behind it does not change.
   bool CollectNear(const ImageView& image, const Blob& blob, const MarkerCentre& centre,
-                   OutlinePixels* pixels, bool by_colour = false);
+                   OutlinePixels* pixels);
 
   // Pixels that a Measure of the blob reads, about.
   static double WorkOf(const Blob& blob);
@@ -106,8 +100,7 @@ class MarkerMeter {
   // The blob of the pixels that are more marker than background, without what its mask merged with.
   bool Outline(const MarkerAperture& aperture, Blob* blob);
   void Block(const MarkerAperture& aperture);
-  void MeasureAround(const ImageView& image, const MarkerAperture& aperture,
-                     MarkerCentre* centre) const;
+  void MeasureAround(const MarkerAperture& aperture, MarkerCentre* centre) const;
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
   void MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre);
 
@@ -119,10 +112,8 @@ class MarkerMeter {
   RingBackground background_, beside_;
   std::vector<float> coverage_;  // of the window, clipped
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
-  std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it
-  std::vector<uint16_t> arc_of_;  // of the window
-  // By arc and channel, one sigma of the background behind a pixel.
-  std::vector<Eigen::Vector3f> unsure_grey_;
+  std::vector<uint8_t> foreign_;     // of the window: what cannot be the marker outside of it
+  std::vector<uint16_t> arc_of_;     // of the window
   std::vector<float> turns_;         // of a row of pixels
   std::vector<float> share_;         // of the window: coverage, not clipped
   std::vector<float> colour_share_;  // of the window: the same by colour without white

@@ -20,18 +20,12 @@ constexpr int kMosaicTries = 3;        // of an image
 constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
 constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
 constexpr float kMostWhite = 6;
-constexpr double kColourNoise = 1.5;  // interpolated channels share theirs
-constexpr double kLeastColourNoises = 3;
 constexpr double kRimPx = 5;         // further inside every fifth pixel is enough
 constexpr double kInsideStep = 5.3;  // not in step with a mosaic
 constexpr double kEnoughPixels = 700;
 // The background right beside the outline, where something else is near.
 constexpr double kBesidePx = 1.6, kBesideWidthPx = 1.8, kBesideArcPx = 1.6;
 constexpr double kBesideNoise = 0.03;
-// One sigma of the background behind a pixel there, per step to the next arc: the border between
-// two things is anywhere, and not where the ring says.
-constexpr float kUnsureStep = 1.5f;
-
 // Of the sum of two squares; std::hypot also does what is too large to be squared.
 float Root(float a, float b) { return std::sqrt(a * a + b * b); }
 
@@ -75,7 +69,6 @@ struct MarkerMeter::Collection {
   double reach_px;     // beyond the aperture's ellipse
   double model_noise;  // in units of coverage
   bool near;           // also beside something else, and where the background is brighter
-  bool by_colour;      // without white
 };
 
 void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, OutlinePixels* pixels) {
@@ -86,25 +79,17 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
   const auto precision = static_cast<float>(1 / std::hypot(noise, how.model_noise));
   const auto single_noise = static_cast<float>(kMosaicNoise * centre.noise_grey);
   const auto model_noise = static_cast<float>(how.model_noise);
-  const auto colour_noise = static_cast<float>(kColourNoise * centre.noise_grey);
-  const auto least_colour = static_cast<float>(kLeastColourNoises * centre.noise_grey);
   const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
   // Saturation hides shading, which then moves the edge.
   const UsedChannels channels = ChannelsToUse(how.background, centre);
   const Eigen::Vector3f& used = channels.used;
   pixels->clipped = channels.clipped;
-  pixels->by_colour = how.by_colour;
   const auto least = static_cast<float>(channels.least_grey);
   if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
     mosaic_ = FindMosaic(image, how.window.rect);
     ++mosaic_tries_;
   }
   const Eigen::Matrix2d outside = aperture.Grown(how.reach_px);
-  unsure_grey_.assign(arcs.size(), Eigen::Vector3f::Zero());
-  for (size_t k = 0; how.near && k < arcs.size(); ++k) {
-    const auto noise_grey = static_cast<float>(centre.noise_grey);
-    unsure_grey_[k] = kUnsureStep * how.background.StepAt(k, noise_grey);
-  }
   const bool large = aperture.b > 2 * kRimPx;
   const Eigen::Matrix2d inside = aperture.Grown(large ? -kRimPx : 0);
   // Pixels are many where the sphere is near, and say the same.
@@ -126,31 +111,13 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     const Eigen::Vector3f background = how.background.At(direction, &arc);
     const Eigen::Vector3f above = GreyAt(image, x, y) - background;
     Eigen::Vector3f range = plateau - background;
-    Eigen::Vector3f unsure = Eigen::Vector3f::Zero();
-    if (how.near) {
-      // As much of the background is seen here.
-      const double out_px = (std::sqrt(d.dot(aperture.shape * d)) - 1) * aperture.b;
-      const double seen = std::clamp(0.5 + 0.5 * out_px, 0.0, 1.0);
-      unsure = static_cast<float>(seen) * unsure_grey_[arc];
-    }
-    if (how.by_colour) {
-      const Eigen::Vector3f colour = ColourOf(range);
-      const float squared = colour.squaredNorm();
-      if (squared < least_colour * least_colour) return;
-      pixels->Add(at_x, at_y, above.dot(colour) / squared,
-                  1 / Root(colour_noise / std::sqrt(squared), model_noise), 1,
-                  background.maxCoeff() >= kSaturatedGrey,
-                  ColourOf(unsure).norm() / std::sqrt(squared));
-      return;
-    }
     if (!mosaic_) {
       range = range.cwiseProduct(used);
       const float squared = range.squaredNorm();
       if (squared < least * least) return;
       pixels->Add(at_x, at_y, above.dot(range) / squared,
                   1 / Root(single_noise / std::sqrt(squared), model_noise), 1,
-                  background.cwiseProduct(used).maxCoeff() >= kSaturatedGrey,
-                  unsure.cwiseProduct(used).norm() / std::sqrt(squared));
+                  background.cwiseProduct(used).maxCoeff() >= kSaturatedGrey);
       return;
     }
     const int channel = mosaic_->Channel(x, y);
@@ -159,7 +126,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     pixels->Add(at_x, at_y, above[channel] / range[channel],
                 1 / Root(single_noise / range[channel], model_noise),
                 std::clamp(range.maxCoeff() / range[channel], -kMostWhite, kMostWhite),
-                background[channel] >= kSaturatedGrey, unsure[channel] / std::abs(range[channel]));
+                background[channel] >= kSaturatedGrey);
   };
   how.background.ForDirections(how.window, aperture.centre_px, outside, &turns_, add);
   pixels->FillUp();
@@ -171,12 +138,12 @@ void MarkerMeter::CollectPixels(const ImageView& image, const MarkerCentre& cent
   if (!has_measured_) return;
   AddPixels(image,
             {*outlined_, centre, background_, window_,
-             MarkerAperture::kMarginPx + MarkerAperture::kGapPx, kModelNoise, false, false},
+             MarkerAperture::kMarginPx + MarkerAperture::kGapPx, kModelNoise, false},
             pixels);
 }
 
 bool MarkerMeter::CollectNear(const ImageView& image, const Blob& blob, const MarkerCentre& centre,
-                              OutlinePixels* pixels, bool by_colour) {
+                              OutlinePixels* pixels) {
   pixels->Clear();
   const MarkerAperture aperture(blob);
   const PixelGrid window = GridAround(image, aperture, aperture.a + kBesidePx + kBesideWidthPx + 1);
@@ -185,8 +152,7 @@ bool MarkerMeter::CollectNear(const ImageView& image, const Blob& blob, const Ma
                     {kBesidePx, kBesideWidthPx, kBesideArcPx}, nullptr)) {
     return false;
   }
-  AddPixels(image, {aperture, centre, beside_, window, kBesidePx, kBesideNoise, true, by_colour},
-            pixels);
+  AddPixels(image, {aperture, centre, beside_, window, kBesidePx, kBesideNoise, true}, pixels);
   return true;
 }
 

@@ -7,9 +7,6 @@
 
 namespace rigcal::agent {
 
-// Of the variance of what is by colour: of interpolated channels four pixels are one.
-inline constexpr double kSharedNoise = 4;
-
 // Pixels side by side, filled up to whole groups with some that count nothing.
 struct OutlinePixels {
   static constexpr size_t kGroup = 16;
@@ -22,22 +19,16 @@ struct OutlinePixels {
   std::vector<float> white;
   // 1 where the background behind is saturated, else 0. An edge looks further inside there.
   std::vector<float> saturated_behind;
-  // One sigma of the coverage, because the background changes here; not yet in the precision.
-  std::vector<float> unsure;
   // The stick may be here: on the side of the wand's first marker 1, of its last one 2, else 0.
   // Empty: not marked (MarkStick).
   std::vector<uint8_t> stick_side;
   // The coverage is that of saturated channels: how the light differs inside is not seen.
   bool clipped = false;
-  // It is that of colour without white: where channels are interpolated, pixels share their noise.
-  bool by_colour = false;
 
   void Clear();
   void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1,
-           bool is_saturated_behind = false, float how_unsure = 0);
+           bool is_saturated_behind = false);
   void FillUp();
-  // Moves what is unsure into the precision. False: nothing is.
-  bool CountUnsure();
   size_t size() const { return x.size(); }
   // Some of them have a saturated background.
   bool IsOutshone() const;

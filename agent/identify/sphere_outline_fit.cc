@@ -153,7 +153,7 @@ void SphereOutlineFitter::ReadEdge(const OutlinePixels& pixels, SphereOutline* o
   outline->edge_freedom = -kOutlineFreedom;
   outline->on_outline = outline->off_outline = 0;
   const double known_px = kOffPx + kOffShare * outline->radius_px;
-  const double noise2 = Squared(kOffNoises) * (pixels.by_colour ? kSharedNoise : 1);
+  const double noise2 = Squared(kOffNoises);
   for (size_t k = 0; k < kSectors; ++k) {
     // A sector that is blocked tells nothing.
     if (informations[k] < 0.2 * all / kSectors) continue;
@@ -350,8 +350,6 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   start->cost = system.cost;
   start->mean_cost = system.cost / static_cast<double>(pixels.size());
   start->white = shading.white;
-  start->by_colour = pixels.by_colour;
-  start->by_others = others.radius_px > 0;
   start->parameters = q;
   start->stretch = -q.segment<2>(kOutlineStretch);
   start->edge_px = std::sqrt(q[kOutlineEdge]);

@@ -10,10 +10,11 @@ namespace {
 constexpr double kBrightnessSigma = 0.2, kDarkBrightnessSigma = 0.4;  // of its logarithm
 constexpr double kColourSigma = 0.12;                                 // rad
 constexpr double kSkewness = 0.012;
+constexpr double kMostLopsidedness = 7.5;  // cost
+constexpr double kCostScale = 2.5;         // of the log-odds
 constexpr double kWhiteGrey = 240;
-constexpr double kUnresolvedCost = 2.7;              // per pixel of the radius
-constexpr double kTiltCost = 4;                      // of the logarithm of its cosine
-constexpr double kSamePlace = 0.8, kSamePart = 1.3;  // of a radius
+constexpr double kTiltCost = 4;     // of the logarithm of its cosine
+constexpr double kSamePlace = 0.8;  // of a radius
 
 }  // namespace
 
@@ -21,19 +22,9 @@ int VerifiedWand::OccludedCount() const {
   return static_cast<int>(std::count(whole.begin(), whole.end(), false));
 }
 
-double VerifiedWand::LargestSigmaRadii() const {
-  double largest = 0;
-  for (size_t k = 0; k < centres.size(); ++k) {
-    if (!whole[k]) continue;
-    const double sigma_px = std::sqrt(0.5 * centres[k].covariance_px2.trace());
-    largest = std::max(largest, sigma_px / centres[k].radius_px);
-  }
-  return largest;
-}
-
 double Lopsidedness(const MarkerCentre& centre) {
   const double excess = std::max(0.0, centre.skewness - 2 * centre.skewness_sigma);
-  return std::min(std::pow(excess / kSkewness, 2), kOccludedCost);
+  return std::min(std::pow(excess / kSkewness, 2), kMostLopsidedness);
 }
 
 double Lopsidedness(const VerifiedWand& wand) {
@@ -81,23 +72,13 @@ double ColourDifference(const VerifiedWand& wand) {
   return largest;
 }
 
-double UnresolvedCost(const VerifiedWand& wand) {
-  double radius_px = 0;
-  int count = 0;
-  for (size_t k = 0; k < wand.whole.size(); ++k) {
-    if (!wand.whole[k]) continue;
-    radius_px += wand.centres[k].radius_px;
-    ++count;
-  }
-  if (count == 0) return 0;
-  return kUnresolvedCost * std::max(0.0, kResolvedPx - radius_px / count);
-}
-
 bool IsWhite(const VerifiedWand& wand) {
   return std::ranges::all_of(wand.centres, [](const MarkerCentre& centre) {
     return !(centre.contrast_grey > 0) || centre.plateau_grey.minCoeff() >= kWhiteGrey;
   });
 }
+
+double ConfidenceOf(double cost) { return 1 / (1 + std::exp((cost - kHalfCost) / kCostScale)); }
 
 bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {
   return std::none_of(a.blobs.begin(), a.blobs.end(), [&](int blob) {
@@ -110,51 +91,12 @@ bool SamePlaces(const VerifiedWand& a, const VerifiedWand& b) {
   const auto same = [&](bool flipped) {
     for (size_t k = 0; k < count; ++k) {
       const MarkerCentre &one = a.centres[k], &other = b.centres[flipped ? count - 1 - k : k];
-      // The middle of a part that is seen is anywhere within the marker.
-      const bool is_part = !flipped && !(a.whole[k] && b.whole[k]);
-      const double reach_px =
-          (is_part ? kSamePart : kSamePlace) * std::max(one.radius_px, other.radius_px);
+      const double reach_px = kSamePlace * std::max(one.radius_px, other.radius_px);
       if (!((one.centre_px - other.centre_px).norm() < reach_px)) return false;
     }
     return true;
   };
   return count == b.centres.size() && (same(false) || same(true));
-}
-
-bool SameWholes(const VerifiedWand& a, const VerifiedWand& b) {
-  for (size_t k = 0; k < a.blobs.size(); ++k) {
-    if (a.whole[k] != b.whole[k] || (a.whole[k] && a.blobs[k] != b.blobs[k])) return false;
-  }
-  return true;
-}
-
-bool SameWholeBlobs(const VerifiedWand& a, const VerifiedWand& b) {
-  absl::InlinedVector<int, 3> of_a, of_b;
-  for (size_t k = 0; k < a.blobs.size(); ++k) {
-    if (a.whole[k]) of_a.push_back(a.blobs[k]);
-    if (b.whole[k]) of_b.push_back(b.blobs[k]);
-  }
-  std::sort(of_a.begin(), of_a.end());
-  std::sort(of_b.begin(), of_b.end());
-  return of_a.size() < a.blobs.size() && of_a == of_b;
-}
-
-bool IsPartOf(const VerifiedWand& part, const VerifiedWand& wand) {
-  if (part.OccludedCount() == 0 || part.blobs.size() != wand.blobs.size() ||
-      SameWholeBlobs(part, wand)) {
-    return false;
-  }
-  for (size_t k = 0; k < part.blobs.size(); ++k) {
-    if (!part.whole[k]) continue;
-    bool is_there = false;
-    for (size_t m = 0; m < wand.blobs.size(); ++m) {
-      const MarkerCentre& centre = wand.centres[m];
-      const double reach_px = (wand.whole[m] ? kSamePlace : kSamePart) * centre.radius_px;
-      is_there |= (part.centres[k].centre_px - centre.centre_px).norm() < reach_px;
-    }
-    if (!is_there) return false;
-  }
-  return true;
 }
 
 double MeanBrightness(const VerifiedWand& wand) {

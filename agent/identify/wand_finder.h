@@ -43,14 +43,7 @@ struct WandFinderOptions {
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
   WandImageFit fit;
-  double cost = 0;          // as is known before it is measured; of the finder: of fit and doubts
-  int partial = -1;         // the marker of which only a part is seen (FindPartialWands)
-  double partial_cost = 0;  // that it is a part of one, as a chi-squared
-  double partial_size_cost = 0;  // within that, by the sizes of the others before they are measured
-  double partial_share = 0;      // of its disc, that is seen
-  double partial_around = 0;     // of a ring around it, that looks like it
-  bool is_sliver = false;        // it is a sliver (LookForSliver)
-  bool has_stick = false;        // a stick is seen between the other two
+  double cost = 0;  // as is known before it is measured; of the finder: of fit and doubts
 };
 
 // In whatever order.

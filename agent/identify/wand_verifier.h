@@ -13,17 +13,15 @@
 namespace rigcal::agent {
 
 // Chooses among candidates by the brightness of their pixels: sub-pixel centres and radii against
-// the pose, and how alike the markers are in brightness, colour and shape (ChooseWand). One thread
-// at a time.
+// the pose, outlines against those of spheres, and how alike the markers are in brightness and
+// colour (ChooseWand). One thread at a time.
 class WandVerifier {
  public:
   // In cost before it is measured, of what need not be.
   static constexpr double kClearlyWorse = 8;
 
   explicit WandVerifier(double min_confidence, const WandMechanisms& without = {})
-      : min_confidence_(min_confidence), without_(without) {
-    markers_.SetWithout(without);
-  }
+      : min_confidence_(min_confidence), without_(without) {}
 
   // Before the first Verify of an image. What was measured of it is not measured again.
   void StartImage() { markers_.StartImage(); }
@@ -32,30 +30,24 @@ class WandVerifier {
   void RequireContrast(double grey) { markers_.RequireContrast(grey); }
 
   // Candidates by their costs; what is clearly worse than a wand that was found is not measured.
-  // `tried`: sets of blobs of this image that were compared with the wand; the more, the better a
-  // wand must be. `in_room`: of a lit room, in which much is as large as a small sphere. `work`:
-  // pixels that may be read (MarkerMeter::WorkOf), less those that were; what would take more is
-  // left out. The wand's centres are those of a first look, for FitOutlines.
+  // `in_room`: of a lit room, in which much is as large as a small sphere. `pixels`: that may be
+  // read (MarkerMeter::WorkOf), less those that were; what would take more is left out. The wand's
+  // centres are those of a first look, for FitOutlines.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
-                 absl::Span<const WandCandidate> candidates, int tried, bool in_room, double* work);
+                 absl::Span<const WandCandidate> candidates, bool in_room, double* pixels);
   // Centres of the outlines of the last Verify's wand where those can be fitted. False: they show
   // that fewer than two of its markers are whole, so it is no wand.
   [[nodiscard]] bool FitOutlines(const ImageView& image, VerifiedWand* wand);
-  // Whether a wand of the last Verify would be none without the evidence for it.
-  bool IsByEvidence(const VerifiedWand& wand) const;
 
  private:
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
   bool IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const;
-  static bool FitPose(const WandFinder& finder, int partial, VerifiedWand* wand);
+  static bool FitPose(const WandFinder& finder, VerifiedWand* wand);
   double ShapeCost(const ImageView& image, const VerifiedWand& wand);
-  double EvidenceOfOutlines(const ImageView& image, const VerifiedWand& wand);
-  double ConfidenceOf(double cost) const;
 
   double min_confidence_;
   WandMechanisms without_;
-  double chance_cost_ = 0;
   bool in_room_ = false;
   MeasuredMarkers markers_;
   std::vector<VerifiedWand> evaluated_;

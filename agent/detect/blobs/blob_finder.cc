@@ -80,18 +80,6 @@ const BlobResult& BlobFinder::Look(const ImageView& image, BrightWords* bright) 
   return found;
 }
 
-const BlobResult& BlobFinder::FindIn(const ImageView& image, const PixelRect& window,
-                                     const PixelMask& mask) {
-  return Search(image, window, [&](int y, int first_word, int word_count, uint64_t* words) {
-    std::copy_n(mask.Row(y) + first_word, word_count, words);
-    if (std::all_of(words, words + word_count, [](uint64_t word) { return word == 0; })) {
-      return false;
-    }
-    Ignore(image, y, first_word, word_count, words);
-    return true;
-  });
-}
-
 const BlobResult& BlobFinder::Search(const ImageView& image, const PixelRect& window,
                                      RowReader read) {
   result_.blobs.clear();

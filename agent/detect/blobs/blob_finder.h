@@ -73,8 +73,6 @@ class BlobFinder {
   const BlobResult& Find(const ImageView& image) { return Find(image, image.Bounds()); }
   // The blobs of an image; notes which words are bright.
   const BlobResult& Look(const ImageView& image, BrightWords* bright);
-  // The blobs of another mask of the image, of its size, in a part of it.
-  const BlobResult& FindIn(const ImageView& image, const PixelRect& window, const PixelMask& mask);
   const BlobResult& result() const { return result_; }  // of the last Find or Look
 
   // The pixels of a row that may belong to a blob, as ColourMasker::MaskRow gives them; false:

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/detect/frame/image_exposure.h"
+#include "agent/detect/frame/other_spacing.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -102,7 +103,7 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
   }
-  RIGCAL_ASSIGN_OR_RETURN(SpotFinder spot_finder, SpotFinder::Create(options, options.without));
+  RIGCAL_ASSIGN_OR_RETURN(SpotFinder spot_finder, SpotFinder::Create(options));
   return WandDetector(options, target, camera, std::move(spot_finder));
 }
 
@@ -140,6 +141,8 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
     Follow(*wand, &detection);
   } else {
     track_.Forget();
+    detection.other_middle_share =
+        OtherSpacing(search_.spot_finder().spots(), search_.wand_finder()).value_or(0);
   }
   return detection;
 }

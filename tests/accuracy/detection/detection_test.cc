@@ -78,15 +78,14 @@ TEST(Detection, LightFromAboveAndUnevenLedsMoveCentresLittle) {
   EXPECT_LE(summary.rms_px, 0.1);  // of the centroid: 0.27
 }
 
-TEST(Detection, DeliversTheOtherTwoWhereOneSphereIsHidden) {
+// Two spheres do not say which ones they are: a wand of which one is mostly hidden is none.
+TEST(Detection, AHiddenSphereMakesNoFalseWand) {
   DetectionOptions options = Some(6);
   options.render.clutter = 0;
   options.render.lux = 10;
   options.render.occlusion = 1;
   const DetectionSummary summary = Summarise(RunDetection(options));
   EXPECT_GE(summary.visible_markers, 80);
-  // The rest: nothing at all is seen of the third, so nobody knows which two they are.
-  EXPECT_GE(summary.found_markers, 0.85 * summary.visible_markers);
   EXPECT_EQ(summary.false_wands, 0);
 }
 

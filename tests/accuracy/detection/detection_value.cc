@@ -26,33 +26,13 @@ struct NamedMechanism {
   WandMechanism mechanism;
 };
 const NamedMechanism kMechanisms[] = {
-    {"partial_wands", WandMechanism::kPartialWands},
-    {"third_by_contrast", WandMechanism::kThirdByContrast},
-    {"hidden_spheres", WandMechanism::kHiddenSpheres},
-    {"stick_sight", WandMechanism::kStickSight},
-    {"alike_things", WandMechanism::kAlikeThings},
-    {"bars", WandMechanism::kBars},
     {"evidence", WandMechanism::kEvidence},
-    {"chance", WandMechanism::kChance},
     {"restored_outlines", WandMechanism::kRestoredOutlines},
-    {"colour_outlines", WandMechanism::kColourOutlines},
     {"lambert", WandMechanism::kLambertShading},
     {"visible_arcs", WandMechanism::kVisibleArcs},
-    {"beside_outlines", WandMechanism::kBesideOutlines},
-    {"unsure_background", WandMechanism::kUnsureBackground},
     {"other_spheres", WandMechanism::kOtherSpheres},
-    {"outlines_by_others", WandMechanism::kOutlinesByOthers},
-    {"brighter_levels", WandMechanism::kBrighterLevels},
     {"pale_levels", WandMechanism::kPaleLevels},
-    {"clipped_level", WandMechanism::kClippedLevel},
-    {"whitened_level", WandMechanism::kWhitenedLevel},
     {"dim_level", WandMechanism::kDimLevel},
-    {"contrast_level", WandMechanism::kContrastLevel},
-    {"spots_before", WandMechanism::kSpotsBefore},
-    {"disc_pairs", WandMechanism::kDiscPairs},
-    {"discs", WandMechanism::kDiscs},
-    {"pieces", WandMechanism::kPieces},
-    {"coloured_patches", WandMechanism::kColouredPatches},
 };
 constexpr const char* kBackground = "static_background";
 

@@ -168,47 +168,6 @@ TEST(MarkerMeter, AnotherDiscBesideItMovesLittle) {
       << "1.8 px of gap, less than the blur of both";
 }
 
-// Whatever is behind: a bar in the disc's own light, between a dark wall and a window.
-TEST(MarkerMeter, SaysHowMuchAroundItHasItsGreyLevels) {
-  MarkerMeter meter;
-  MarkerCentre centre;
-  const auto wall_and_window = [](int x, int) { return x < 32 ? 30.0 : 255.0; };
-  DiscImage image({32, 32}, 6, 1, wall_and_window);
-  ASSERT_TRUE(meter.Measure(image.View(), image.blob_, &centre));
-  EXPECT_EQ(centre.same_grey, 0);
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 30; x < 35; ++x) image.Set(x, y, image.At(32, 32));
-  }
-  ASSERT_TRUE(meter.Measure(image.View(), image.blob_, &centre));
-  EXPECT_GT(centre.same_grey, 0.1);
-  EXPECT_LT(centre.alike, 0.1);
-}
-
-// The blob of a disc that a stick cuts lies aside of the disc.
-TEST(MarkerMeter, ADiscThatAStickCutsDoesNotGoOnBesideIt) {
-  DiscImage image({31, 33}, 20, 1, Flat);
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
-  int count = 0;
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) {
-      if (x > 31 && std::abs(y - 33) < 5) image.Set(x, y, {5, 5, 5});
-      if (image.At(x, y)[2] < 90) continue;
-      ++count;
-      sum += Eigen::Vector2d(x, y);
-      squares += Eigen::Vector2d(x, y) * Eigen::RowVector2d(x, y);
-    }
-  }
-  image.blob_.area_px = count;
-  image.blob_.centre_px = sum / count;
-  image.blob_.second_moment_px2 =
-      squares / count - image.blob_.centre_px * image.blob_.centre_px.transpose();
-  MarkerMeter meter;
-  MarkerCentre centre;
-  ASSERT_TRUE(meter.Measure(image.View(), image.blob_, &centre));
-  EXPECT_LT(centre.same_grey, 0.01);
-}
-
 TEST(MarkerMeter, AHalfCoveredDiscIsLopsided) {
   MarkerMeter meter;
   DiscImage image({32, 32}, 8, 1, Flat);

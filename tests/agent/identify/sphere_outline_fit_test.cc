@@ -46,18 +46,6 @@ Eigen::Vector2d Centroid(const OutlinePixels& pixels) {
   return sum / all;
 }
 
-TEST(OutlinePixels, WhatIsUnsureIsCountedOnce) {
-  OutlinePixels pixels;
-  pixels.Add(1, 2, 0.5f, 50);
-  pixels.Add(2, 2, 0.5f, 50, 1, false, 0.02f);
-  EXPECT_TRUE(pixels.CountUnsure());
-  EXPECT_FLOAT_EQ(pixels.precision[0], 50);
-  // The root of two sigmas of 0.02, squared and summed.
-  EXPECT_NEAR(pixels.precision[1], 50 / std::sqrt(2.0), 1e-4);
-  EXPECT_FALSE(pixels.CountUnsure());
-  EXPECT_NEAR(pixels.precision[1], 50 / std::sqrt(2.0), 1e-4);
-}
-
 TEST(SphereOutlineFitter, LightFromOneSideDoesNotMoveTheCentre) {
   SphereOutlineFitter fitter;
   for (const double radius : {4.0, 9.0, 14.0}) {
@@ -397,33 +385,6 @@ TEST(OutlineRows, SumsAllProducts) {
 TEST(OutlineRows, SlopesAreThoseOfTheModel) {
   ExpectSlopesOfTheModel(false);
   ExpectSlopesOfTheModel(true);
-}
-
-// Dim discs by colour of interpolated channels, of which four pixels share their noise.
-TEST(SphereOutlineFitter, NoiseTakesHardlyASectorOffTheOutline) {
-  SphereOutlineFitter fitter;
-  double off = 0;
-  int count = 0;
-  for (uint32_t seed = 1; seed <= 40; ++seed) {
-    std::mt19937 random(seed);
-    std::normal_distribution<double> noise(0, 0.3);
-    std::array<std::array<double, 20>, 20> shared;
-    for (auto& row : shared) std::ranges::generate(row, [&] { return noise(random); });
-    OutlinePixels pixels = Disc({0, 0}, 6, 0, seed, 1e-3);
-    pixels.by_colour = true;
-    for (size_t i = 0; i < pixels.size(); ++i) {
-      const auto row = static_cast<size_t>(pixels.y[i] + 20) / 2;
-      const auto column = static_cast<size_t>(pixels.x[i] + 20) / 2;
-      pixels.coverage[i] += static_cast<float>(shared[row][column]);
-      if (pixels.precision[i] > 0) pixels.precision[i] = 1 / 0.3f;
-    }
-    SphereOutline outline{.radius_px = 6};
-    if (!fitter.Fit(pixels, 9 * Eigen::Matrix2d::Identity(), {}, &outline)) continue;
-    off += outline.off_outline;
-    ++count;
-  }
-  EXPECT_GT(count, 20);
-  EXPECT_LT(off / count, 0.08);
 }
 
 }  // namespace

@@ -29,8 +29,7 @@ WandCandidate Whole() {
 // Of what an image shows of a wand that is `scale` times as large.
 std::optional<VerifiedWand> Verified(const std::vector<uint8_t>& pixels,
                                      const std::array<double, 3>& radii_px, double scale,
-                                     bool in_room, const WandCandidate& candidate = Whole(),
-                                     const Eigen::Vector2d& off_px = Eigen::Vector2d::Zero()) {
+                                     bool in_room, const WandCandidate& candidate = Whole()) {
   const ImageView image{pixels.data(), kViewWidth, kViewHeight, 3 * kViewWidth, PixelFormat::kBgr8};
   std::vector<Blob> blobs;
   for (size_t k = 0; k < radii_px.size(); ++k) {
@@ -39,13 +38,12 @@ std::optional<VerifiedWand> Verified(const std::vector<uint8_t>& pixels,
     blob.second_moment_px2 = 0.25 * radii_px[k] * radii_px[k] * Eigen::Matrix2d::Identity();
     blob.area_px = static_cast<int>(3.14 * radii_px[k] * radii_px[k]);
   }
-  if (candidate.partial >= 0) blobs[static_cast<size_t>(candidate.partial)].centre_px += off_px;
   const WandFinder finder({}, PaperWand(), ViewCamera());
   WandVerifier verifier(0.02);
   verifier.StartImage();
   verifier.RequireContrast(14);
   double work = 1e6;
-  return verifier.Verify(image, blobs, finder, {&candidate, 1}, 1, in_room, &work).wand;
+  return verifier.Verify(image, blobs, finder, {&candidate, 1}, in_room, &work).wand;
 }
 
 // Of a wand whose first sphere looks smaller than the others, before `behind_first`. A stick of
@@ -87,12 +85,6 @@ TEST(WandVerifier, ASphereBeforeASaturatedBackgroundMayLookSmaller) {
   EXPECT_LT(wand->fit.cost, 1.5);
 }
 
-// Pieces of a bar that are thicker than the rest of it.
-TEST(WandVerifier, NoStickShinesAsTheSpheresDo) {
-  EXPECT_TRUE(Verified(kRadiusPx, 12, 0.3).has_value());
-  EXPECT_FALSE(Verified(kRadiusPx, 12, 1).has_value());
-}
-
 // Of a dim wand in a lit room, `scale` times as large, before a wall of `wall` grey levels. White
 // light makes the upper rims of its spheres `shading` grey levels brighter than their middles.
 std::optional<VerifiedWand> VerifiedInRoom(double scale, double wall, double white,
@@ -120,110 +112,13 @@ std::optional<VerifiedWand> VerifiedInRoom(double scale, double wall, double whi
 }
 
 // Noise is all that their outlines leave, but of dim spheres it is as much as small things leave.
-TEST(WandVerifier, OutlinesOfLargeDimSpheresAreNoEvidenceAgainstAWand) {
+TEST(WandVerifier, OutlinesOfLargeDimSpheresCostNothing) {
   const auto wand = VerifiedInRoom(1.6, 20, 20, 0);
   ASSERT_TRUE(wand.has_value());
   EXPECT_EQ(wand->OccludedCount(), 0);
-  EXPECT_GT(wand->evidence, -0.5);
   const auto small = VerifiedInRoom(1, 20, 20, 0);
   ASSERT_TRUE(small.has_value());
-  EXPECT_LT(small->evidence, wand->evidence - 1);
-}
-
-// The lower halves are about as bright as the wall.
-TEST(WandVerifier, SpheresBeforeAPaleWallAreWholeByTheirColour) {
-  for (const double wall : {95.0, 105.0}) {
-    for (const double shading : {30.0, 45.0, 60.0}) {
-      const auto wand = VerifiedInRoom(1.6, wall, 90, shading);
-      ASSERT_TRUE(wand.has_value()) << wall << ' ' << shading;
-      EXPECT_EQ(wand->OccludedCount(), 0) << wall << ' ' << shading;
-      EXPECT_LT(wand->fit.cost, 1) << wall << ' ' << shading;
-    }
-  }
-}
-
-constexpr double kLargeRadius = 8, kLargeScale = 1.6, kEdgePx = 0.6;
-
-// A wand in a lit room. `seen` of a sphere and an offset from its middle: how much of it is seen
-// there, 0 to 1.
-template <typename Seen>
-std::vector<uint8_t> LargeWand(const Seen& seen) {
-  constexpr std::array<double, 3> kLight = {20, 60, 150};
-  constexpr double kWall = 30;
-  std::mt19937 random(5);
-  std::normal_distribution<double> noise(0, 1.5);
-  std::vector<uint8_t> pixels;
-  for (int y = 0; y < kViewHeight; ++y) {
-    for (int x = 0; x < kViewWidth; ++x) {
-      double share = 0;
-      for (size_t k = 0; k < kAlongPx.size(); ++k) {
-        share += seen(k, x - kFirstX - kLargeScale * kAlongPx[k], y - kY);
-      }
-      for (const double light : kLight) {
-        const double grey = share * light + kWall + noise(random);
-        pixels.push_back(static_cast<uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0))));
-      }
-    }
-  }
-  return pixels;
-}
-
-double Inside(double outside_px) {
-  return 0.5 * std::erfc(outside_px / (kEdgePx * std::sqrt(2.0)));
-}
-
-// What is in front of its first sphere hides half of it. The other two are spheres, or squares of
-// the same area.
-std::optional<VerifiedWand> HalfHidden(bool are_spheres) {
-  const double half_side_px = 0.5 * std::sqrt(3.14159) * kLargeRadius;
-  const auto pixels = LargeWand([&](size_t k, double dx, double dy) {
-    if (k == 0) return Inside(dy) * Inside(std::hypot(dx, dy) - kLargeRadius);
-    return Inside(are_spheres ? std::hypot(dx, dy) - kLargeRadius
-                              : std::max(std::abs(dx), std::abs(dy)) - half_side_px);
-  });
-  return Verified(pixels, {0.7 * kLargeRadius, kLargeRadius, kLargeRadius}, kLargeScale, true);
-}
-
-// What is seen of the third says little; that the other two are spheres says much.
-TEST(WandVerifier, OutlinesOfTheOthersAreEvidenceForAHiddenMarker) {
-  const auto wand = HalfHidden(true);
-  ASSERT_TRUE(wand.has_value());
-  EXPECT_EQ(wand->OccludedCount(), 1);
-  EXPECT_GT(wand->evidence, 6);
-  EXPECT_GT(wand->confidence, 0.9);
-  const auto squares = HalfHidden(false);
-  EXPECT_TRUE(!squares || squares->confidence < 0.3) << squares->confidence;
-}
-
-// Of the middle sphere a rim is seen, and its middle is said to be `off_px` beside the line of the
-// others.
-std::optional<VerifiedWand> WithARim(const std::vector<uint8_t>& pixels, double off_px,
-                                     bool has_stick) {
-  WandCandidate candidate = Whole();
-  candidate.partial = 1;
-  candidate.partial_share = 0.04;
-  candidate.is_sliver = true;
-  candidate.has_stick = has_stick;
-  return Verified(pixels, {kLargeRadius, kLargeRadius, kLargeRadius}, kLargeScale, true, candidate,
-                  {0, -off_px});
-}
-
-// The place of a rim is vague.
-TEST(WandVerifier, ARimBesideAStickMayFitThePoseWorse) {
-  // Of the middle one.
-  const auto pixels = LargeWand([](size_t k, double dx, double dy) {
-    const double seen = k == 1 ? Inside(dy + 0.85 * kLargeRadius) : 1;
-    return seen * Inside(std::hypot(dx, dy) - kLargeRadius);
-  });
-  int between = 0;
-  for (double off_px = 0; off_px < 8; off_px += 0.25) {
-    const auto wand = WithARim(pixels, off_px, true), without = WithARim(pixels, off_px, false);
-    if (!wand) continue;
-    EXPECT_LT(wand->fit.cost, 3) << off_px;
-    between += wand->fit.cost > 2 ? 1 : 0;
-    EXPECT_EQ(without.has_value(), wand->fit.cost < 2) << off_px << ' ' << wand->fit.cost;
-  }
-  EXPECT_GT(between, 0);
+  EXPECT_GT(small->cost, wand->cost + 1);
 }
 
 }  // namespace

@@ -344,23 +344,6 @@ TEST(BlobFinder, IgnoresPixelsItWasToldTo) {
   EXPECT_EQ(PixelsOf(finder.Find(image.View())), 64);
 }
 
-// Of the mask of somebody else, whatever the pixels are; what is ignored stays so.
-TEST(BlobFinder, FindsTheBlobsOfAnotherMask) {
-  ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(TakesAll()));
-  const Image image(200, 30);
-  PixelMask mask(200, 30);
-  for (int i = 0; i < 8; ++i) {
-    for (int y = 10; y < 14; ++y) mask.Set(10 + i, y), mask.Set(150 + i, y);
-  }
-  EXPECT_EQ(PixelsOf(finder.FindIn(image.View(), image.View().Bounds(), mask)), 64);
-  EXPECT_EQ(finder.result().blobs[1].box, (PixelRect{150, 10, 8, 4}));
-  EXPECT_EQ(PixelsOf(finder.FindIn(image.View(), {152, 12, 40, 18}, mask)), 12);
-  PixelMask ignored(200, 30);
-  ignored.Set(11, 11);
-  finder.SetIgnored(ignored);
-  EXPECT_EQ(PixelsOf(finder.FindIn(image.View(), image.View().Bounds(), mask)), 63);
-}
-
 // Buffers carry nothing over from one image to the next, of whatever size or format.
 TEST(BlobFinder, ForgetsTheLastPicture) {
   ASSERT_OK_AND_ASSIGN(BlobFinder used, BlobFinder::Create(TakesAll()));

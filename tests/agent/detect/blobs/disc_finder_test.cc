@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "agent/detect/blobs/blob_splitter.h"
+#include "agent/detect/blobs/blob_shape.h"
 
 namespace rigcal::agent::disc_finder_test {
 namespace {

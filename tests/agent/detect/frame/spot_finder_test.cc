@@ -63,7 +63,7 @@ double RadiusPx(const Spot& spot) { return std::sqrt(spot.blob.area_px / std::nu
 std::vector<Spot> SpotsAt(const SpotFinder& finder, double x, double y, double within_px) {
   std::vector<Spot> spots;
   std::ranges::copy_if(finder.spots(), std::back_inserter(spots), [&](const Spot& spot) {
-    return !spot.is_half && (spot.blob.centre_px - Eigen::Vector2d(x, y)).norm() < within_px;
+    return (spot.blob.centre_px - Eigen::Vector2d(x, y)).norm() < within_px;
   });
   return spots;
 }
@@ -101,25 +101,6 @@ TEST(SpotFinder, OfTooManySpotsTheLeastDoubtfulAreKept) {
   EXPECT_GE(finder.least_doubt_left(), most);
 }
 
-// More of the wand's hue than the spheres, which white light makes bright in all channels.
-TEST(SpotFinder, APaleDiscBeforeItsOwnHueIsFoundByItsWhite) {
-  SpotFinder finder = MustCreate();
-  Picture picture(20);
-  picture.Fill(0, 0, kWidth, kHeight, {15, 40, 220});
-  picture.AddDisc(300, 200, 7, {110, 145, 210});
-  finder.BeginImage();
-  finder.Look(picture.View());
-  finder.Find(picture.View(), picture.View().Bounds(), 0);
-  EXPECT_TRUE(SpotsAt(finder, 300, 200, 2).empty());
-  finder.Find(picture.View(), picture.View().Bounds(), SpotFinder::kWhitenedLevel);
-  ASSERT_EQ(SpotsAt(finder, 300, 200, 0.5).size(), 1u);
-  // What is white has not the wand's colour.
-  picture.AddDisc(300, 200, 7, {200, 205, 210});
-  finder.BeginImage();
-  finder.Find(picture.View(), picture.View().Bounds(), SpotFinder::kWhitenedLevel);
-  EXPECT_TRUE(SpotsAt(finder, 300, 200, 2).empty());
-}
-
 // Half as bright as configured.
 TEST(SpotFinder, ADimDiscIsFoundInTheDimLevelOnly) {
   SpotFinder finder = MustCreate();
@@ -130,101 +111,6 @@ TEST(SpotFinder, ADimDiscIsFoundInTheDimLevelOnly) {
     finder.Look(picture.View());
     finder.Find(picture.View(), picture.View().Bounds(), level);
     EXPECT_EQ(SpotsAt(finder, 300, 200, 0.5).size(), level == SpotFinder::kDimLevel ? 1u : 0u);
-  }
-}
-
-// What it adds to an orange wall is nearly yellow, but it is orange itself.
-TEST(SpotFinder, ADiscOfTheWandsColourBeforeItsOwnColourStandsOut) {
-  SpotFinder finder = MustCreate();
-  for (const bool is_orange : {true, false}) {
-    Picture picture(20);
-    picture.Fill(100, 100, 400, 300, {10, 37, 128});
-    picture.AddDisc(300, 200, 7, is_orange ? Bgr{53, 139, 215} : Bgr{90, 215, 150});
-    finder.BeginImage();
-    finder.Find(picture.View(), picture.View().Bounds(), SpotFinder::kContrastLevel);
-    EXPECT_EQ(SpotsAt(finder, 300, 200, 0.5).size(), is_orange ? 1u : 0u);
-  }
-}
-
-// Its light adds little to a wall that is as bright as any sphere, or has its hue.
-TEST(SpotFinder, ADiscThatAddsLittleToAWallIsFoundByItsContrast) {
-  SpotFinder finder = MustCreate();
-  for (const Bgr& wall : {Bgr{120, 120, 120}, Bgr{40, 80, 120}}) {
-    const auto add = [&](int blue, int green, int red) {
-      return Bgr{static_cast<uint8_t>(wall.blue + blue), static_cast<uint8_t>(wall.green + green),
-                 static_cast<uint8_t>(wall.red + red)};
-    };
-    Picture picture(0);
-    picture.Fill(0, 0, kWidth, kHeight, wall);
-    picture.AddDisc(300, 200, 7, add(2, 10, 20));
-    picture.AddDisc(400, 200, 7, add(30, 40, 50));
-    picture.AddDisc(100, 200, 7, add(30, 30, 30));  // white
-    picture.AddDisc(200, 200, 7, add(10, 0, 22));   // pink
-    picture.AddDisc(100, 300, 7, add(10, 30, 22));  // green
-    picture.AddDisc(200, 300, 7, add(1, 4, 8));     // next to nothing
-    for (const size_t level : {size_t{0}, SpotFinder::kPaleLevels[1], SpotFinder::kContrastLevel}) {
-      finder.BeginImage();
-      finder.Look(picture.View());
-      finder.Find(picture.View(), picture.View().Bounds(), level);
-      const size_t expected = level == SpotFinder::kContrastLevel ? 1 : 0;
-      EXPECT_EQ(SpotsAt(finder, 300, 200, 0.6).size(), expected);
-      EXPECT_EQ(SpotsAt(finder, 400, 200, 0.6).size(), expected);
-    }
-    EXPECT_EQ(finder.spots().size(), 2u);
-  }
-}
-
-// White light that a thing does not reflect is no light of the wand.
-TEST(SpotFinder, ABlackDiscBeforeABluishWallIsNoSpot) {
-  SpotFinder finder = MustCreate();
-  Picture picture(0);
-  picture.Fill(0, 0, kWidth, kHeight, {70, 60, 52});
-  picture.AddDisc(300, 200, 7, {6, 6, 6});
-  picture.AddDisc(400, 200, 7, {70, 78, 84});
-  finder.BeginImage();
-  finder.Find(picture.View(), picture.View().Bounds(), SpotFinder::kContrastLevel);
-  EXPECT_TRUE(SpotsAt(finder, 300, 200, 3).empty());
-  EXPECT_EQ(SpotsAt(finder, 400, 200, 0.6).size(), 1u);
-}
-
-// Of one wand a sphere may stand out by its colour only, and another one by nothing else: the
-// second picture stands for what contrast does not show. Nothing is kept of another image.
-TEST(SpotFinder, WhatTheLevelBeforeFoundIsKeptBesideWhatStandsOut) {
-  SpotFinder finder = MustCreate();
-  Picture by_colour(20), by_contrast(20);
-  by_colour.AddDisc(200, 200, 7, kSphere);
-  by_colour.AddDisc(300, 200, 7, kSphere);
-  by_contrast.AddDisc(301, 200, 7, kSphere);
-  by_contrast.AddDisc(400, 200, 7, kSphere);
-  const PixelRect all = by_colour.View().Bounds();
-  for (const bool same_image : {true, false}) {
-    finder.BeginImage();
-    finder.Find(by_colour.View(), all, 0);
-    if (!same_image) finder.BeginImage();
-    finder.Find(by_contrast.View(), all, SpotFinder::kContrastLevel);
-    EXPECT_EQ(SpotsAt(finder, 200, 200, 2).size(), same_image ? 1u : 0u);
-    EXPECT_EQ(SpotsAt(finder, 300, 200, 3).size(), 1u);
-    EXPECT_EQ(SpotsAt(finder, 400, 200, 2).size(), 1u);
-  }
-  // A part of an image is searched for itself.
-  finder.BeginImage();
-  finder.Find(by_colour.View(), all, 0);
-  finder.Find(by_contrast.View(), {350, 150, 100, 100}, SpotFinder::kContrastLevel);
-  EXPECT_TRUE(SpotsAt(finder, 200, 200, 2).empty());
-}
-
-// A pattern all over leaves no time for other levels.
-TEST(SpotFinder, OfAPatternNothingStandsOutIfOnlyAFewMay) {
-  SpotFinder finder = MustCreate();
-  Picture picture(20);
-  for (int y = 10; y < kHeight - 10; y += 14) {
-    for (int x = 10; x < kWidth - 10; x += 14) picture.AddDisc(x, y, 4, {20, 60, 130});
-  }
-  for (const bool only_if_few : {false, true}) {
-    finder.BeginImage();
-    finder.Find(picture.View(), picture.View().Bounds(), SpotFinder::kContrastLevel, only_if_few);
-    EXPECT_GT(finder.result().over_limit, 0);
-    EXPECT_EQ(finder.spots().empty(), only_if_few);
   }
 }
 

@@ -28,17 +28,6 @@ Detection MustDetect(WandDetector& detector, const ImageView& view, int64_t time
 
 WandMotion Standing() { return RenderedWand::Wand({-0.3, 0.1, 2.2}, {1, 0.2, 0.3}); }
 
-// Of a detector with the usual options.
-void ExpectCentres(const RenderedWand& scene, const FrameGroundTruth& ground_truth) {
-  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
-  const Detection detection = MustDetect(detector, scene.View());
-  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
-  for (size_t k = 0; k < 3; ++k) {
-    const MarkerObservation& marker = detection.observation.markers[k];
-    EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.3) << k;
-  }
-}
-
 TEST(WandDetector, FindsTheProjectionsOfTheSpheresCentres) {
   RenderedWand scene;
   const FrameGroundTruth ground_truth = scene.Render(Standing());
@@ -115,66 +104,6 @@ TEST(WandDetector, DimSpheresOfAShortExposureAreFound) {
       const MarkerObservation& marker = detection.observation.markers[k];
       EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.2) << k;
     }
-  }
-}
-
-// Before a wall that is brighter than they are: their light adds a few grey levels.
-TEST(WandDetector, SpheresThatAddLittleToAWallAreFound) {
-  RenderedWand scene;
-  const FrameGroundTruth ground_truth = scene.Render(Standing());
-  for (uint8_t& grey : scene.pixels) grey = static_cast<uint8_t>(120 + grey / 8);
-  ExpectCentres(scene, ground_truth);
-}
-
-// White light has made the spheres bright in all channels; what is behind them has their hue and
-// more of it, everywhere.
-TEST(WandDetector, PaleSpheresBeforeTheirOwnHueAreFound) {
-  RenderedWand scene;
-  const FrameGroundTruth ground_truth = scene.Render(Standing());
-  constexpr double kBehind[] = {15, 40, 220}, kSphere[] = {110, 145, 210};
-  for (size_t i = 0; i < scene.pixels.size(); i += 3) {
-    const double share = std::clamp((scene.pixels[i + 2] - 20) / 140.0, 0.0, 1.0);
-    for (size_t k = 0; k < 3; ++k) {
-      scene.pixels[i + k] =
-          static_cast<uint8_t>(std::lround((1 - share) * kBehind[k] + share * kSphere[k]));
-    }
-  }
-  ExpectCentres(scene, ground_truth);
-}
-
-TEST(WandDetector, HalfCoveredSphereIsReportedAndNotGuessed) {
-  RenderedWand scene;
-  const FrameGroundTruth ground_truth = scene.Render(Standing());
-  const MarkerGroundTruth& occluded = ground_truth.markers[1];
-  const int x = static_cast<int>(occluded.centre_px.x()) + 1;
-  scene.Fill(x, static_cast<int>(occluded.centre_px.y()) - 15, 9, 30, 9, 9, 9);
-  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
-  const Detection detection = MustDetect(detector, scene.View());
-  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
-  EXPECT_EQ(detection.occluded_markers, 1);
-  EXPECT_TRUE(detection.observation.markers[0].visible);
-  EXPECT_FALSE(detection.observation.markers[1].visible);
-  EXPECT_TRUE(detection.observation.markers[2].visible);
-}
-
-// Seen along the wand, two spheres are one blob.
-TEST(WandDetector, FindsSpheresThatOverlap) {
-  RenderedWand scene;
-  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
-  for (const double across : {0.3, 0.33, 0.36}) {
-    const FrameGroundTruth ground_truth =
-        scene.Render(RenderedWand::Wand({0.1, 0.1, 1.6}, {across, 0.05, 1}));
-    const Detection detection = MustDetect(detector, scene.View());
-    ASSERT_EQ(detection.outcome, DetectionOutcome::kWand) << across;
-    int seen = 0;
-    for (size_t k = 0; k < 3; ++k) {
-      const MarkerObservation& marker = detection.observation.markers[k];
-      if (!marker.visible) continue;
-      ++seen;
-      EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.3)
-          << across << ", marker " << k << " at " << ground_truth.markers[k].centre_px.transpose();
-    }
-    EXPECT_GE(seen, 2) << across;
   }
 }
 

@@ -23,79 +23,105 @@ Detection Detected(const RenderedWand& scene, const WandDetectorOptions& options
   return *std::move(detection);
 }
 
-struct Searched {
-  size_t last_level = 0;
-  std::optional<VerifiedWand> wand;
-};
-
-// Of a wand before a window, the right side of whose third sphere is hidden from `right` radii on.
-// `white`: whatever is of the wand's colour is.
-Searched SearchHidden(double right, bool white = false) {
-  FrameRenderOptions room = RenderedWand::QuietRoom();
-  room.lux = 300;
-  room.auto_gain = true;
-  RenderedWand scene(room);
-  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.2, 0.3, 1.2}, {1, 0, 0.1}));
-  const MarkerGroundTruth& hidden = truth.markers[2];
-  scene.Fill(0, 400, 640, 80, 255, 255, 255);
-  scene.Fill(static_cast<int>(hidden.centre_px.x() + right * hidden.radius_px),
-             static_cast<int>(hidden.centre_px.y()) - 20, 30, 40, 30, 30, 30);
-  for (size_t i = 0; white && i < scene.pixels.size(); i += 3) {
-    if (scene.pixels[i + 2] > 90) std::fill_n(scene.pixels.begin() + i, 3, uint8_t{255});
-  }
-  const WandDetectorOptions options;
-  auto finder = SpotFinder::Create(options);
-  EXPECT_THAT(finder, ::rigcal::testing::IsOk());
-  WandSearch search(options, options.colour.washed_out_min, false, WandMechanisms{}, scene.target,
-                    scene.camera, *std::move(finder));
-  search.StartImage();
-  Searched searched;
-  searched.wand = search.SearchAll(scene.View()).wand;
-  searched.last_level = search.spot_finder().level();
-  return searched;
-}
-
-// Windows are full of pairs of white things.
-TEST(WandSearch, TwoWhiteSpheresAndAPartAreNoWandInALitRoom) {
-  for (const double right : {-0.5, -0.3, 0.0})
-    EXPECT_FALSE(SearchHidden(right, true).wand) << right;
-}
-
-// The next level would be as much work again, and show no more of it.
-TEST(WandSearch, ASurePartOfAMarkerEndsIt) {
-  for (const double right : {-0.5, -0.3, 0.0}) {
-    const Searched searched = SearchHidden(right);
-    ASSERT_TRUE(searched.wand) << right;
-    EXPECT_TRUE(searched.wand->has_part) << right;
-    EXPECT_EQ(searched.wand->OccludedCount(), 1) << right;
-    EXPECT_EQ(searched.last_level, SpotFinder::kPaleLevels[0]) << right;
-  }
-}
-
-// One sphere is too dark for the search, whichever it is and wherever the wand points. Two spheres
-// that are alike may also be the same the other way round.
-TEST(WandSearch, AWandOfTwoSpheresBecomesWholeWithItsLabels) {
-  for (const double turn : {1, -1}) {
-    for (const double depth : {0.3, 0.0, -0.3}) {
-      for (size_t dark = 0; dark < 3; ++dark) {
-        RenderedWand scene;
-        const FrameGroundTruth truth =
-            scene.Render(RenderedWand::Wand({-0.2 * turn, 0.1, 2.2}, {turn, 0.2, depth}));
-        scene.Dim(truth.markers[dark].centre_px, 14, {0.7, 0.7, 0.7});
-        WandDetectorOptions options;
-        options.colour.value_min = 140;
-        const Detection detection = Detected(scene, options);
-        ASSERT_EQ(detection.outcome, DetectionOutcome::kWand)
-            << turn << ' ' << depth << ' ' << dark;
-        for (size_t k = 0; k < 3; ++k) {
-          const MarkerObservation& marker = detection.observation.markers[k];
-          ASSERT_TRUE(marker.visible) << turn << ' ' << depth << ' ' << dark << ' ' << k;
-          EXPECT_LT((marker.centre_px - truth.markers[k].centre_px).norm(), 0.1) << dark;
-          EXPECT_GT(marker.label_confidence, 0.99) << turn << ' ' << depth << ' ' << dark;
-        }
+void AddDisc(int x0, int y0, int radius_px, uint8_t blue, uint8_t green, uint8_t red,
+             RenderedWand* scene) {
+  for (int y = -radius_px; y <= radius_px; ++y) {
+    for (int x = -radius_px; x <= radius_px; ++x) {
+      if (x * x + y * y < radius_px * radius_px) {
+        scene->Fill(x0 + x, y0 + y, 1, 1, blue, green, red);
       }
     }
   }
+}
+
+// Spaced as on a wand across the line of sight.
+void AddWand(uint8_t blue, uint8_t green, uint8_t red, RenderedWand* scene) {
+  for (const int x : {220, 259, 337}) AddDisc(x, 200, 7, blue, green, red, scene);
+}
+
+TEST(WandSearch, DiscsThatCouldBeHundredsOfWandsEndTheSearchEarly) {
+  RenderedWand scene;
+  scene.Fill(0, 0, 640, 480, 20, 25, 30);
+  AddWand(30, 100, 220, &scene);
+  const Detection few = Detected(scene);
+  EXPECT_EQ(few.outcome, DetectionOutcome::kWand);
+  EXPECT_FALSE(few.cut_short);
+  for (int y = 20; y < 460; y += 44) {
+    for (int x = 20; x < 620; x += 44) AddDisc(x, y, 6, 30, 100, 220, &scene);
+  }
+  const Detection many = Detected(scene);
+  EXPECT_TRUE(many.cut_short);
+  EXPECT_NE(many.outcome, DetectionOutcome::kWand);
+}
+
+TEST(WandSearch, AWandAmongMoreSmallThingsThanAreComparedIsFound) {
+  RenderedWand scene;
+  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.3, 0.1, 1.6}, {1, 0.2, 0.2}));
+  for (int y = 20; y < 460; y += 16) {
+    for (int x = 20; x < 620; x += 16) {
+      bool free = true;
+      for (const MarkerGroundTruth& marker : truth.markers) {
+        free &= (marker.centre_px - Eigen::Vector2d(x, y)).norm() > 24;
+      }
+      if (free) scene.Fill(x + y % 5, y + x % 7, 3, 3, 60, 140, 245);
+    }
+  }
+  const Detection detection = Detected(scene);
+  EXPECT_TRUE(detection.cut_short);
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  for (size_t k = 0; k < 3; ++k) {
+    const MarkerObservation& marker = detection.observation.markers[k];
+    ASSERT_TRUE(marker.visible) << k;
+    EXPECT_LT((marker.centre_px - truth.markers[k].centre_px).norm(), 0.2) << k;
+  }
+}
+
+TEST(WandSearch, WhiteThingsCostMoreInALitRoom) {
+  RenderedWand scene;
+  const auto confidence = [&scene](uint8_t room, uint8_t blue, uint8_t green, uint8_t red) {
+    scene.Fill(0, 0, 640, 480, room, room, room);
+    AddWand(blue, green, red, &scene);
+    const Detection detection = Detected(scene);
+    EXPECT_EQ(detection.outcome, DetectionOutcome::kWand) << int{room};
+    return detection.confidence;
+  };
+  // A dark room's spheres may be so bright that they are white.
+  EXPECT_GT(confidence(5, 255, 255, 255), 0.9);
+  EXPECT_GT(confidence(110, 30, 100, 230), 0.9);
+  EXPECT_LT(confidence(110, 255, 255, 255), 0.9);
+}
+
+// LEDs of one wand are of one colour; labels of books are not.
+TEST(WandSearch, ColoursThatDifferCostInALitRoom) {
+  RenderedWand scene;
+  const auto confidence = [&scene](uint8_t room, uint8_t green) {
+    scene.Fill(0, 0, 640, 480, room, room, room);
+    AddWand(70, 120, 200, &scene);
+    AddDisc(259, 200, 7, 70, green, 200, &scene);
+    const Detection detection = Detected(scene);
+    EXPECT_EQ(detection.outcome, DetectionOutcome::kWand) << int{green};
+    return detection.confidence;
+  };
+  const double alike = confidence(110, 120);
+  EXPECT_GT(confidence(110, 130), alike - 0.01);
+  EXPECT_LT(confidence(110, 150), alike - 0.04);
+  EXPECT_GT(confidence(5, 150), alike - 0.02);
+}
+
+// The stick before a sphere makes its brightness lopsided, but not its outline.
+TEST(WandSearch, ANotchInARoundSphereCostsLittle) {
+  RenderedWand scene;
+  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({-0.2, 0.1, 1.2}, {1, 0.2, 0.2}));
+  const double whole = Detected(scene).confidence;
+  for (const MarkerGroundTruth& marker : truth.markers) {
+    const int x = static_cast<int>(std::lround(marker.centre_px.x()));
+    const int y = static_cast<int>(std::lround(marker.centre_px.y()));
+    scene.Fill(x - 1, y - 12, 2, 12, 30, 30, 30);
+  }
+  const Detection notched = Detected(scene);
+  ASSERT_EQ(notched.outcome, DetectionOutcome::kWand);
+  EXPECT_EQ(notched.occluded_markers, 0);
+  EXPECT_GT(notched.confidence, whole - 0.1);
 }
 
 // Labels on books, whose outlines all fit badly.

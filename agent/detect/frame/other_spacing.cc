@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/frame/other_spacing.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "agent/detect/frame/spot_likeness.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr size_t kMostSpots = 12;      // more are a room's
+constexpr double kLeastRadiusPx = 3;   // smaller things all look alike
+constexpr double kMostUnlikeness = 3;  // see Unlikeness
+constexpr double kLikeSize = 0.12;     // of a radius: their distances differ by no more
+constexpr double kOffLine = 0.25;      // of a radius
+constexpr double kLeastApart = 2.5;    // radii
+// By tilt the middle one moves by a quarter of what the distances differ.
+constexpr double kOtherShare = 0.045;
+
+struct Disc {
+  int spot;
+  Eigen::Vector2d flat;  // on the plane z = 1, without distortion
+  double radius;         // there
+};
+
+}  // namespace
+
+std::optional<double> OtherSpacing(absl::Span<const Spot> spots, const WandFinder& finder) {
+  if (finder.shares().size() != 3 || spots.size() < 3 || spots.size() > kMostSpots) {
+    return std::nullopt;
+  }
+  const double told = std::min(finder.shares()[1], 1 - finder.shares()[1]);
+  std::vector<Disc> discs;
+  for (size_t i = 0; i < spots.size(); ++i) {
+    const double radius_px = std::sqrt(spots[i].blob.area_px / std::numbers::pi);
+    MarkerSight sight;
+    if (radius_px < kLeastRadiusPx || !finder.Sight(spots[i].blob.centre_px, &sight)) continue;
+    discs.push_back(
+        {static_cast<int>(i), sight.ray.hnormalized(), radius_px / sight.scale_px / sight.ray.z()});
+  }
+  std::optional<double> found;
+  for (size_t first = 0; first < discs.size(); ++first) {
+    for (size_t last = first + 1; last < discs.size(); ++last) {
+      const Eigen::Vector2d line = discs[last].flat - discs[first].flat;
+      for (size_t middle = 0; middle < discs.size(); ++middle) {
+        if (middle == first || middle == last) continue;
+        const Eigen::Vector2d way = discs[middle].flat - discs[first].flat;
+        const double share = way.dot(line) / line.squaredNorm();
+        const auto [least, most] =
+            std::minmax({discs[first].radius, discs[middle].radius, discs[last].radius});
+        const double nearer = std::min(share, 1 - share);
+        if (nearer * line.norm() < kLeastApart * most || most > (1 + kLikeSize) * least ||
+            (way - share * line).norm() > kOffLine * least) {
+          continue;
+        }
+        const WandCandidate three{
+            .blobs = {discs[first].spot, discs[middle].spot, discs[last].spot}, .fit = {}};
+        if (Unlikeness(spots, three) > kMostUnlikeness) continue;
+        if (found || std::abs(nearer - told) < kOtherShare) return std::nullopt;
+        found = nearer;
+      }
+    }
+  }
+  return found;
+}
+
+}  // namespace rigcal::agent

@@ -112,8 +112,10 @@ class MarkerMeter {
   RingBackground background_, beside_;
   std::vector<float> coverage_;  // of the window, clipped
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
-  std::vector<uint8_t> foreign_;     // of the window: what cannot be the marker outside of it
-  std::vector<uint16_t> arc_of_;     // of the window
+  std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it
+  std::vector<uint16_t> arc_of_;  // of the window
+  // By arc and channel, one sigma of the background behind a pixel.
+  std::vector<Eigen::Vector3f> unsure_grey_;
   std::vector<float> turns_;         // of a row of pixels
   std::vector<float> share_;         // of the window: coverage, not clipped
   std::vector<float> colour_share_;  // of the window: the same by colour without white

@@ -26,6 +26,10 @@ constexpr double kEnoughPixels = 700;
 // The background right beside the outline, where something else is near.
 constexpr double kBesidePx = 1.6, kBesideWidthPx = 1.8, kBesideArcPx = 1.6;
 constexpr double kBesideNoise = 0.03;
+// One sigma of the background behind a pixel there, per step to the next arc: the border between
+// two things is anywhere, and not where the ring says.
+constexpr float kUnsureStep = 1.5f;
+
 // Of the sum of two squares; std::hypot also does what is too large to be squared.
 float Root(float a, float b) { return std::sqrt(a * a + b * b); }
 
@@ -90,6 +94,11 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     ++mosaic_tries_;
   }
   const Eigen::Matrix2d outside = aperture.Grown(how.reach_px);
+  unsure_grey_.assign(arcs.size(), Eigen::Vector3f::Zero());
+  for (size_t k = 0; how.near && k < arcs.size(); ++k) {
+    const auto noise_grey = static_cast<float>(centre.noise_grey);
+    unsure_grey_[k] = kUnsureStep * how.background.StepAt(k, noise_grey);
+  }
   const bool large = aperture.b > 2 * kRimPx;
   const Eigen::Matrix2d inside = aperture.Grown(large ? -kRimPx : 0);
   // Pixels are many where the sphere is near, and say the same.
@@ -111,13 +120,21 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     const Eigen::Vector3f background = how.background.At(direction, &arc);
     const Eigen::Vector3f above = GreyAt(image, x, y) - background;
     Eigen::Vector3f range = plateau - background;
+    Eigen::Vector3f unsure = Eigen::Vector3f::Zero();
+    if (how.near) {
+      // As much of the background is seen here.
+      const double out_px = (std::sqrt(d.dot(aperture.shape * d)) - 1) * aperture.b;
+      const double seen = std::clamp(0.5 + 0.5 * out_px, 0.0, 1.0);
+      unsure = static_cast<float>(seen) * unsure_grey_[arc];
+    }
     if (!mosaic_) {
       range = range.cwiseProduct(used);
       const float squared = range.squaredNorm();
       if (squared < least * least) return;
       pixels->Add(at_x, at_y, above.dot(range) / squared,
                   1 / Root(single_noise / std::sqrt(squared), model_noise), 1,
-                  background.cwiseProduct(used).maxCoeff() >= kSaturatedGrey);
+                  background.cwiseProduct(used).maxCoeff() >= kSaturatedGrey,
+                  unsure.cwiseProduct(used).norm() / std::sqrt(squared));
       return;
     }
     const int channel = mosaic_->Channel(x, y);
@@ -126,7 +143,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     pixels->Add(at_x, at_y, above[channel] / range[channel],
                 1 / Root(single_noise / range[channel], model_noise),
                 std::clamp(range.maxCoeff() / range[channel], -kMostWhite, kMostWhite),
-                background[channel] >= kSaturatedGrey);
+                background[channel] >= kSaturatedGrey, unsure[channel] / std::abs(range[channel]));
   };
   how.background.ForDirections(how.window, aperture.centre_px, outside, &turns_, add);
   pixels->FillUp();

@@ -18,8 +18,10 @@ constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
 constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
 constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
 constexpr int kNearRounds = 2;
-constexpr double kBrighterBehind = 0.5;  // of the contrast, where that is saturated
-constexpr double kWorkOfFit = 500;       // in the pixels that a measurement reads
+constexpr double kBrighterBehind = 0.5;     // of the contrast, where that is saturated
+constexpr double kUnevenBackground = 0.04;  // steps, of the contrast
+constexpr double kMostEdgePx = 1;           // the blur of a softer one reaches what is beside it
+constexpr double kWorkOfFit = 500;          // in the pixels that a measurement reads
 
 }  // namespace
 
@@ -72,6 +74,7 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
   measured.blob_moment_px2 = seen.second_moment_px2;
   measured.tried = false;
   measured.outline.reset();
+  measured.moved_px.setZero();
   measured.good = meter_.Measure(image, seen, &measured.centre) &&
                   measured.centre.contrast_grey >= min_contrast_grey_;
   if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
@@ -116,6 +119,26 @@ bool MeasuredMarkers::FitNear(const ImageView& image, MeasuredMarker* measured,
     around.second_moment_px2 = outline->SecondMoment();
   }
   return true;
+}
+
+void MeasuredMarkers::FitBeside(const ImageView& image, int blob) {
+  MeasuredMarker& measured = OfBlob(blob);
+  const MarkerCentre& centre = measured.centre;
+  if (!measured.outline || centre.has_neighbour || centre.cut ||
+      centre.background_steps < kUnevenBackground || measured.outline->edge_px > kMostEdgePx) {
+    return;
+  }
+  Blob around;
+  around.centre_px = measured.outline->centre_px;
+  around.second_moment_px2 = measured.outline->SecondMoment();
+  SphereOutline again = *measured.outline;
+  if (!meter_.CollectNear(image, around, centre, &beside_) ||
+      !fitter_.Fit(beside_, around.second_moment_px2, {}, &again) || !IsOnOutline(again)) {
+    return;
+  }
+  measured.moved_px = again.centre_px - measured.outline->centre_px;
+  measured.outline = again;
+  std::swap(measured.pixels, beside_);
 }
 
 }  // namespace rigcal::agent

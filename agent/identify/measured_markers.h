@@ -22,6 +22,8 @@ struct MeasuredMarker {
   OutlinePixels pixels;
   bool tried = false;                    // to fit
   std::optional<SphereOutline> outline;  // shaded
+  // How far the background right beside it moved it, against what is further away.
+  Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();
 };
 
 // A whole sphere's outline. Beyond the border (`is_cut`) there is nothing to be seen of an outline,
@@ -49,6 +51,8 @@ class MeasuredMarkers {
     return markers_[static_cast<size_t>(index_of_[static_cast<size_t>(blob)])];
   }
   const std::optional<SphereOutline>& OutlineOf(const ImageView& image, int blob);
+  // Fits the outline again, against what is right beside it, where that differs around the marker.
+  void FitBeside(const ImageView& image, int blob);
   SphereOutlineFitter* fitter() { return &fitter_; }
 
  private:
@@ -59,6 +63,7 @@ class MeasuredMarkers {
 
   MarkerMeter meter_;
   SphereOutlineFitter fitter_;
+  OutlinePixels beside_;
   std::vector<MeasuredMarker> markers_;  // the first count_ are of this image
   size_t count_ = 0;
   std::vector<int> index_of_;  // by blob of this search; -1: not measured

@@ -19,6 +19,8 @@ struct OutlinePixels {
   std::vector<float> white;
   // 1 where the background behind is saturated, else 0. An edge looks further inside there.
   std::vector<float> saturated_behind;
+  // One sigma of the coverage, because the background changes here; not yet in the precision.
+  std::vector<float> unsure;
   // The stick may be here: on the side of the wand's first marker 1, of its last one 2, else 0.
   // Empty: not marked (MarkStick).
   std::vector<uint8_t> stick_side;
@@ -27,8 +29,10 @@ struct OutlinePixels {
 
   void Clear();
   void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1,
-           bool is_saturated_behind = false);
+           bool is_saturated_behind = false, float how_unsure = 0);
   void FillUp();
+  // Moves what is unsure into the precision. False: nothing is.
+  bool CountUnsure();
   size_t size() const { return x.size(); }
   // Some of them have a saturated background.
   bool IsOutshone() const;

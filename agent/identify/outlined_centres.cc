@@ -32,6 +32,7 @@ constexpr double kLeastEdgeNoise = 0.55;
 constexpr double kPlacePerEdge = 2.0 / kOutlineSectors;  // variances, of all sectors
 constexpr double kBackgroundError = 0.22;  // widths of an edge, per step behind over the contrast
 constexpr double kNeighbourPx = 0.05;      // of the edge, where something else is near
+constexpr double kBesideError = 0.9;       // of what the background right beside it moved a centre
 // Of arcs: sectors that are known, of which the stick takes some; the radius that is enough of what
 // is expected; how far a clear gap's edges are off an ellipse, chi-squared.
 constexpr int kLeastKnown = 6, kFewKnown = 9;
@@ -117,6 +118,7 @@ class OutlinedCentres {
     doubt_px_.assign(markers_.size(), 0);
     FindArcs();
     scatters_ = ScatterOf(outlines_);
+    for (size_t k = 0; k < markers_.size(); ++k) CountUnsure(k);
     arced_ = outlines_;
     for (size_t k = 0; k < markers_.size(); ++k) {
       if (!wand_.whole[k]) continue;
@@ -190,6 +192,19 @@ class OutlinedCentres {
     }
   }
 
+  // What is a sphere, and how its edge scatters, is told by all pixels; its place by those whose
+  // background is known.
+  void CountUnsure(size_t k) {
+    if (!outlines_[k] || without_.Has(WandMechanism::kUnsureBackground)) return;
+    OutlinePixels& pixels = arcs_[k].is_all() ? *markers_[k].pixels : arcs_[k].pixels;
+    if (!pixels.CountUnsure()) return;
+    SphereOutline outline = *outlines_[k];
+    if (fitter_.Fit(pixels, wand_.centres[k].second_moment_px2, LightOver(scatters_[k].noise),
+                    &outline)) {
+      outlines_[k] = outline;
+    }
+  }
+
   void SetByOutline(size_t k) {
     MarkerCentre& centre = wand_.centres[k];
     OutlineExpectation expected = ExpectationOf(wand_, outlines_, k);
@@ -235,6 +250,8 @@ class OutlinedCentres {
       }
     }
     WidenByNear(k, outline.edge_px);
+    const Eigen::Vector2d moved_px = kBesideError * markers_[k].moved_px;
+    centre.covariance_px2 += moved_px * moved_px.transpose();
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
     const double sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace());

@@ -11,8 +11,9 @@ namespace rigcal::agent {
 
 // By marker; null where the outline cannot be fitted.
 struct OutlinedMarker {
-  const SphereOutline* outline = nullptr;  // with any slope of the light
-  OutlinePixels* pixels = nullptr;         // changed: MarkStick
+  const SphereOutline* outline = nullptr;              // with any slope of the light
+  OutlinePixels* pixels = nullptr;                     // changed: MarkStick, CountUnsure
+  Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();  // MeasuredMarker::moved_px
 };
 using OutlinedMarkers = absl::InlinedVector<OutlinedMarker, 3>;
 

@@ -155,6 +155,16 @@ class RingBackground {
     return (1 - share) * arcs_[first].background + share * arcs_[second].background;
   }
 
+  // How much the background changes from arc `k` to its neighbours, by channel; less than twice
+  // `noise_grey` is none.
+  Eigen::Vector3f StepAt(size_t k, float noise_grey) const {
+    const Eigen::Array3f own = arcs_[k].background;
+    const Eigen::Array3f before = arcs_[k > 0 ? k - 1 : arcs_.size() - 1].background;
+    const Eigen::Array3f after = arcs_[k + 1 < arcs_.size() ? k + 1 : 0].background;
+    const Eigen::Array3f step = (before - own).abs().max((after - own).abs());
+    return (step - 2 * noise_grey).max(0.0f);
+  }
+
   // After Read, in the order of their direction, an even number.
   std::vector<Arc>& arcs() { return arcs_; }
   const std::vector<Arc>& arcs() const { return arcs_; }

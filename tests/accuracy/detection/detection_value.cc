@@ -30,6 +30,8 @@ const NamedMechanism kMechanisms[] = {
     {"restored_outlines", WandMechanism::kRestoredOutlines},
     {"lambert", WandMechanism::kLambertShading},
     {"visible_arcs", WandMechanism::kVisibleArcs},
+    {"beside_outlines", WandMechanism::kBesideOutlines},
+    {"unsure_background", WandMechanism::kUnsureBackground},
     {"other_spheres", WandMechanism::kOtherSpheres},
     {"pale_levels", WandMechanism::kPaleLevels},
     {"dim_level", WandMechanism::kDimLevel},

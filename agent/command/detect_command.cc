@@ -13,6 +13,8 @@
 #include "absl/strings/str_format.h"
 #include "agent/capture/detecting_observation_source.h"
 #include "agent/capture/image_file.h"
+#include "agent/capture/static_mask.h"
+#include "agent/command/detection_explanation.h"
 #include "agent/command/detection_report.h"
 #include "agent/command/frame_input.h"
 #include "agent/command/marker_csv.h"
@@ -35,6 +37,7 @@ struct DetectFlags {
   bool force = false;
   std::string annotate;
   bool no_tracking = false;
+  bool explain = false;
   uint64_t frames = 0;
   std::string format = "table";
 };
@@ -164,11 +167,44 @@ absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, uint
   return report;
 }
 
+// Each frame by itself: what is around a wand that moves is not learnt.
+absl::Status Explain(const DetectFlags& flags, const Target& target, const FrameSourceSpec& spec,
+                     std::ostream& out) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec.Make());
+  RIGCAL_RETURN_IF_ERROR(frames->Start(target));
+  const CameraDescription& camera = frames->description();
+  WandDetectorOptions options = spec.detecting.detector;
+  if (options.exposure_s <= 0 && camera.settings) options.exposure_s = camera.settings->exposure_s;
+  RIGCAL_ASSIGN_OR_RETURN(WandDetector detector, WandDetector::Create(options, target, camera));
+  if (!spec.detecting.mask_path.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(const PixelMask mask,
+                            ReadMask(spec.detecting.mask_path, camera.image_size_px));
+    detector.SetIgnored(mask);
+  }
+  uint64_t count = 0;
+  for (; flags.frames == 0 || count < flags.frames; ++count) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames->Next());
+    if (!frame) break;
+    RIGCAL_ASSIGN_OR_RETURN(const WandExplanation explanation, detector.Explain(frame->image));
+    const std::string name = absl::StrCat("picture ", count + 1);
+    out << (flags.format == "json" ? ExplanationJson(name, explanation)
+                                   : FormatExplanation(name, explanation, options.min_confidence));
+  }
+  frames->Stop();
+  return count > 0 ? absl::OkStatus() : absl::FailedPreconditionError("there were no frames");
+}
+
 absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
   RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
   if (!flags.out.empty()) RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
+  if (flags.explain) {
+    if (!flags.out.empty() || !flags.annotate.empty()) {
+      return absl::InvalidArgumentError("--explain goes without --output and --annotate");
+    }
+    return Explain(flags, target, *spec, out);
+  }
   if (flags.no_tracking) spec->detecting.detector.tracking = false;
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> frames, spec->Make());
   auto timed = std::make_unique<TimedFrameSource>(std::move(frames));
@@ -202,12 +238,16 @@ void AddDetectCommand(CLI::App& app, Subcommands* all) {
   command.add_option("--annotate", flags.annotate,
                      "Folder for images with the detections drawn in; FILE.png for a single one");
   command.add_flag("--no-tracking", flags.no_tracking, "Search every frame completely");
+  command.add_flag("--explain", flags.explain,
+                   "Instead of a report: for each picture the likeliest candidates, what speaks "
+                   "against each, and why the others were refused");
   command.add_option("--pictures", flags.frames, "Frames to search at most [all]");
   AddFormatOption(command, &flags.format, "table or json [table]");
   command.footer(
       "Examples:\n"
       "  rigcal-agent detect rig/left --target 'wand:0,0.13,0.39;diameter=0.04' --output left.csv\n"
       "  rigcal-agent detect one.png --target wand:0,0.13,0.39 --annotate seen.png\n"
+      "  rigcal-agent detect one.png --target wand:0,0.13,0.39 --explain\n"
       "  rigcal-agent detect left.mkv --target wand:0,0.13,0.39 --set hue_max=40 -o json\n"
       "Exit codes: 0 ok, whether wands were found or not, 1 failed, 2 usage.");
 }

@@ -3,21 +3,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "agent/identify/wand_finder.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr double kMargin = 8;       // in cost, of a wand against the next best
+constexpr double kMargin = 3.2;     // in log-odds, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
 
-// The wand's labels are as certain as others for the same spheres are worse.
+// The likelihood ratio of the wand's labels against the others for the same spheres: these differ
+// in the pose alone, whose cost is a chi-squared.
 void SetLabelConfidence(const std::vector<VerifiedWand>& wands, VerifiedWand* wand) {
   for (const VerifiedWand& other : wands) {
     if (&other == wand || !SameBlobs(wand->blobs, other.blobs)) continue;
-    const double certainty = 1 / (1 + std::exp(0.5 * (wand->cost - other.cost)));
+    const double certainty = 1 / (1 + std::exp(0.5 * (wand->fit.cost - other.fit.cost)));
     wand->label_confidence = std::min(wand->label_confidence, certainty);
   }
   wand->label_confidence = std::clamp(wand->label_confidence, 0.5, kCertain);
@@ -28,7 +30,7 @@ void SetLabelConfidence(const std::vector<VerifiedWand>& wands, VerifiedWand* wa
 
 Verdict ChooseWand(double min_confidence, std::vector<VerifiedWand>* wands) {
   Verdict verdict;
-  std::ranges::stable_sort(*wands, {}, &VerifiedWand::cost);
+  std::ranges::stable_sort(*wands, std::ranges::greater(), &VerifiedWand::log_odds);
   VerifiedWand* best = nullptr;
   for (VerifiedWand& other : *wands) {
     if (other.confidence < min_confidence) break;
@@ -36,7 +38,7 @@ Verdict ChooseWand(double min_confidence, std::vector<VerifiedWand>* wands) {
       best = &other;
       continue;
     }
-    if (other.cost > best->cost + kMargin) break;
+    if (other.log_odds < best->log_odds - kMargin) break;
     if (SameBlobs(best->blobs, other.blobs) || SamePlaces(*best, other)) continue;
     if (Disjoint(*best, other)) {
       const double ratio = MeanBrightness(other) / MeanBrightness(*best);

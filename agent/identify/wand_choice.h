@@ -11,14 +11,14 @@ namespace rigcal::agent {
 
 struct Verdict {
   std::optional<VerifiedWand> wand;
-  bool ambiguous = false;  // another one is as good; then `wand` is none
+  bool ambiguous = false;  // a rival scores as well, so no wand is returned
   size_t measured = 0;     // of the candidates from the first one on
   bool left_out = false;   // what was not measured was too much work, and not clearly worse
 };
 
-// Chooses among the wands of one image, which it sorts by their cost: the one of least cost, if it
-// is confident enough and nothing else is nearly as good; the same wand the other way round is no
-// rival. Of two wands without a common blob that are equally good the brighter one is taken: the
+// Chooses among the wands of one image, which it sorts by their log-odds: the most likely one, if
+// it is confident enough and nothing else is nearly as likely; the same wand the other way round is
+// no rival. Of two wands without a common blob that are equally good the brighter one is taken: the
 // other is its reflection in a floor or a window. Sets the confidence of the labels.
 Verdict ChooseWand(double min_confidence, std::vector<VerifiedWand>* wands);
 

@@ -8,7 +8,6 @@ namespace rigcal::agent {
 // Parts of the search for a wand that can be left out, to measure what each is worth
 // (`rigcal-accuracy detection_value --without`).
 enum class WandMechanism : uint32_t {
-  kEvidence,          // how well all outlines fit and how alike the colours are, in a lit room
   kRestoredOutlines,  // spheres that are whole by their outlines only
   kLambertShading,    // white light as Lambert's law has it
   kVisibleArcs,       // a part of an outline that something hides is left out

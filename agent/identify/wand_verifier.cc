@@ -3,12 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 #include "agent/identify/outlined_centres.h"
 #include "agent/identify/restored_markers.h"
 #include "agent/identify/squared.h"
-#include "agent/identify/wand_evidence.h"
+#include "agent/identify/wand_features.h"
 
 namespace rigcal::agent {
 namespace {
@@ -18,22 +19,11 @@ constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
 // Before a saturated background a sphere looks that much smaller; one sigma of it and of its place.
 constexpr double kSmallerPx = 0.8, kSmallerSigmaPx = 1, kSaturatedPlacePx = 0.5;
 constexpr double kNotWholeSigma = 0.3;  // of a radius, of a marker that is not whole by its pixels
-constexpr double kWhiteCost = 6;
-constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
-constexpr double kTooAlike = 0.5;    // for its outline to be seen
-constexpr double kKnownPlace = 0.5;  // of a radius
-// Of outlines.
-constexpr double kWorthALook = 0.1;     // confidence
-constexpr double kWorthRestoring = 16;  // cost of pose and likeness
+constexpr double kMostAlike = 0.28;     // of what is around; a stick takes a sixth
+constexpr double kTooAlike = 0.5;       // for its outline to be seen
+constexpr double kKnownPlace = 0.5;     // of a radius
+constexpr double kWorthALook = -2.2;    // log-odds, of a wand whose outlines are fitted
 constexpr size_t kMaxOutlined = 6;      // candidates
-constexpr double kResolvedPx = 5.5;     // radius of a sphere that looks like nothing else
-constexpr double kNoOutlineCost = 9, kLargeNoOutlineCost = 3;
-constexpr double kResidualSigma = 0.4;
-constexpr double kExcused = 0.75;  // of lopsidedness
-constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostMisfit = 2.5;
-constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
-constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
-constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
 
 // Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
 bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
@@ -44,36 +34,41 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
 
 }  // namespace
 
-std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
-                                                      absl::Span<const Blob> blobs,
-                                                      const WandFinder& finder,
-                                                      const WandCandidate& candidate) {
-  VerifiedWand wand;
-  wand.blobs = candidate.blobs;
+const char* WandVerifier::EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
+                                      const WandFinder& finder, const WandCandidate& candidate,
+                                      VerifiedWand* wand) {
+  wand->blobs = candidate.blobs;
+  wand->fit = candidate.fit;
   int alike_count = 0;
   for (const int index : candidate.blobs) {
+    const Blob& blob = blobs[static_cast<size_t>(index)];
     const MeasuredMarker* const measured = markers_.Measure(image, blobs, index);
-    if (measured == nullptr || !measured->good) return std::nullopt;
-    const MarkerCentre& centre = wand.centres.emplace_back(measured->centre);
+    if (measured == nullptr) return "not measured: the budget of the image is used up";
+    const MarkerCentre& centre = wand->centres.emplace_back(measured->centre);
+    if (!measured->good) {
+      wand->centres.back().centre_px = blob.centre_px;
+      return "a blob hardly differs from what is around it";
+    }
     alike_count += centre.alike >= kMostAlike ? 1 : 0;
-    if (centre.alike >= kTooAlike || alike_count > 1) return std::nullopt;
+    if (centre.alike >= kTooAlike || alike_count > 1) {
+      return "what is around a blob looks like the blob";
+    }
     // With something else near its outline decides.
-    wand.whole.push_back(!centre.has_neighbour &&
-                         IsWhole(blobs[static_cast<size_t>(index)], centre));
+    wand->whole.push_back(!centre.has_neighbour && IsWhole(blob, centre));
   }
-  if (!FitPose(finder, &wand)) return std::nullopt;
-  if (wand.fit.cost + Unlikeness(wand, in_room_) > kWorthRestoring) return std::nullopt;
-  if (wand.OccludedCount() > 0 && !without_.Has(WandMechanism::kRestoredOutlines)) {
-    RestoreByOutlines(image, blobs, &markers_, &wand);
+  if (!FitPose(finder, wand)) return "no pose of the wand explains the places and radii";
+  MeasureLikeness(wand);
+  wand->log_odds = WandLogOdds(wand->features, in_room_);
+  if (wand->log_odds < kWorthALook) return "pose, brightness or colour do not fit";
+  if (wand->OccludedCount() > 0 && !without_.Has(WandMechanism::kRestoredOutlines)) {
+    RestoreByOutlines(image, blobs, &markers_, wand);
   }
   // Labels need all three: two spheres do not say which ones they are.
-  if (wand.OccludedCount() > 0 || !FitPose(finder, &wand)) return std::nullopt;
-  // Of all directions few are nearly along the line of sight.
-  wand.cost =
-      wand.fit.cost + Unlikeness(wand, in_room_) + Lopsidedness(wand) + TiltCost(wand.fit.tilt_rad);
-  // Much is white in a lit room: lamps, slats and what is seen between them.
-  if (in_room_ && IsWhite(wand)) wand.cost += kWhiteCost;
-  return wand;
+  if (wand->OccludedCount() > 0) return "a blob is not the image of a whole sphere";
+  if (!FitPose(finder, wand)) return "no pose of the wand explains the outlines";
+  MeasureLikeness(wand);
+  wand->log_odds = WandLogOdds(wand->features, in_room_);
+  return nullptr;
 }
 
 // False: no wand is seen like this.
@@ -114,7 +109,7 @@ bool WandVerifier::FitPose(const WandFinder& finder, VerifiedWand* wand) {
 // Other pieces of the image of a wand that was measured already.
 bool WandVerifier::IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const {
   return std::ranges::any_of(evaluated_, [&](const VerifiedWand& wand) {
-    if (ConfidenceOf(wand.cost) < min_confidence_) return false;
+    if (ConfidenceOf(wand.log_odds) < min_confidence_) return false;
     if (SameBlobs(wand.blobs, candidate.blobs)) return false;  // its labels may be others
     for (size_t k = 0; k < candidate.blobs.size(); ++k) {
       const Blob& blob = blobs[static_cast<size_t>(candidate.blobs[k])];
@@ -127,46 +122,15 @@ bool WandVerifier::IsKnown(const WandCandidate& candidate, absl::Span<const Blob
   });
 }
 
-// The cost of shapes that are not those of spheres: of the outlines' fits, and of ellipses that
-// differ within the wand. Motion stretches all spheres alike.
-double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand) {
-  double cost = 0, weights = 0;
-  absl::InlinedVector<OutlineMatch, 3> matches;
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  absl::InlinedVector<std::pair<Eigen::Vector2d, double>, 3> stretches;
-  for (size_t k = 0; k < wand.blobs.size(); ++k) {
-    const MarkerCentre& centre = wand.centres[k];
-    const auto& outline = markers_.OutlineOf(image, wand.blobs[k]);
-    OutlineMatch& match = matches.emplace_back();
-    if (!outline) {
-      // A notch, by the stick in front of it, is enough that none can be fitted to a large one.
-      cost += centre.radius_px > kResolvedPx ? kLargeNoOutlineCost : kNoOutlineCost;
-      continue;
-    }
-    // Few large things are round, and dim spheres fit no better, by their noise.
-    const double misfit_ratio = Misfit(centre, *outline);
-    match = {centre.radius_px > kResolvedPx ? 0 : misfit_ratio, outline->off_outline};
-    const double misfit = Squared(std::max(0.0, misfit_ratio - 1) / kResidualSigma);
-    // The stick, or its shadow, in front of a sphere that is round everywhere else.
-    const bool is_round =
-        outline->on_outline > kMostlyOnOutline && outline->off_outline < kHardlyOffOutline;
-    cost += is_round ? std::min(misfit, kMostMisfit) : misfit;
-    // It takes a piece out of the image, which is lopsided then, but leaves the outline.
-    if (is_round) cost -= kExcused * Lopsidedness(centre);
-    cost += Squared(outline->off_outline / kOffOutlineSigma);
-    const double sigma = kStretchSigma + kStretchSigmaPx / outline->radius_px;
-    const double weight = 1 / Squared(sigma);
-    stretches.emplace_back(outline->stretch, weight);
-    mean += weight * outline->stretch;
-    weights += weight;
+void WandVerifier::Score(const ImageView& image, VerifiedWand* wand) {
+  absl::InlinedVector<const SphereOutline*, 3> outlines;
+  for (const int blob : wand->blobs) {
+    const auto& outline = markers_.OutlineOf(image, blob);
+    outlines.push_back(outline ? &*outline : nullptr);
   }
-  if (weights > 0) mean /= weights;
-  cost += Squared(std::max(0.0, mean.norm() - kUsualStretch) / kMeanStretchSigma);
-  for (const auto& [stretch, weight] : stretches) cost += weight * (stretch - mean).squaredNorm();
-  if (in_room_ && !without_.Has(WandMechanism::kEvidence)) {
-    cost += ColourCost(wand) + WholeOutlineCost(matches);
-  }
-  return cost;
+  MeasureShapes(outlines, wand);
+  wand->log_odds = WandLogOdds(wand->features, in_room_);
+  wand->confidence = ConfidenceOf(wand->log_odds);
 }
 
 bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
@@ -189,27 +153,36 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   markers_.StartSearch(blobs.size(), *pixels);
   size_t count = 0;
   evaluated_.clear();
-  double best = kHalfCost;
+  double best = 0;  // log-odds
   for (const WandCandidate& candidate : candidates) {
-    if (candidate.cost > best + kClearlyWorse) break;
+    const double bound = MostLogOdds(in_room_) - kCostLogOdds * candidate.cost;
+    if (bound < best - kCostLogOdds * kClearlyWorse) break;
     if (IsKnown(candidate, blobs)) {
       count += markers_.is_out_of_work() ? 0 : 1;
       continue;
     }
-    auto wand = EvaluateOne(image, blobs, finder, candidate);
+    VerifiedWand wand;
+    const char* const refusal = EvaluateOne(image, blobs, finder, candidate, &wand);
     if (!markers_.is_out_of_work()) ++count;
-    if (!wand.has_value()) continue;
-    if (wand->cost < best) best = std::min(best, wand->cost + ShapeCost(image, *wand));
-    evaluated_.push_back(*std::move(wand));
+    if (refusal != nullptr) {
+      if (trials_ != nullptr) trials_->push_back({std::move(wand), refusal, in_room_});
+      continue;
+    }
+    if (wand.log_odds > best) {
+      VerifiedWand scored = wand;
+      Score(image, &scored);
+      best = std::max(best, scored.log_odds);
+    }
+    evaluated_.push_back(std::move(wand));
   }
-  std::ranges::stable_sort(evaluated_, {}, &VerifiedWand::cost);
+  std::ranges::stable_sort(evaluated_, std::ranges::greater(), &VerifiedWand::log_odds);
   std::erase_if(evaluated_, [this](const VerifiedWand& wand) {
-    return ConfidenceOf(wand.cost) < std::min(kWorthALook, min_confidence_);
+    return wand.log_odds < kWorthALook && ConfidenceOf(wand.log_odds) < min_confidence_;
   });
   if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
   for (VerifiedWand& wand : evaluated_) {
-    wand.cost += ShapeCost(image, wand);
-    wand.confidence = ConfidenceOf(wand.cost);
+    Score(image, &wand);
+    if (trials_ != nullptr) trials_->push_back({wand, "", in_room_});
   }
   Verdict verdict = ChooseWand(min_confidence_, &evaluated_);
   verdict.measured = count;

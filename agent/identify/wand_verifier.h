@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
+#include <string_view>
 #include <vector>
 
 #include "agent/identify/measured_markers.h"
@@ -12,16 +12,27 @@
 
 namespace rigcal::agent {
 
+// A candidate that was looked at, for an explanation.
+struct WandTrial {
+  VerifiedWand wand;         // as far as it was measured
+  std::string_view refusal;  // why it was not scored; empty: it was
+  bool is_lit = false;
+};
+
 // Chooses among candidates by the brightness of their pixels: sub-pixel centres and radii against
 // the pose, outlines against those of spheres, and how alike the markers are in brightness and
 // colour (ChooseWand). One thread at a time.
 class WandVerifier {
  public:
-  // In cost before it is measured, of what need not be.
-  static constexpr double kClearlyWorse = 8;
+  // Log-odds that one unit of a candidate's cost takes, before it is measured; a candidate whose
+  // cost is that much higher than another's need not be.
+  static constexpr double kCostLogOdds = 0.4, kClearlyWorse = 8;
 
   explicit WandVerifier(double min_confidence, const WandMechanisms& without = {})
       : min_confidence_(min_confidence), without_(without) {}
+
+  // Every candidate that Verify looks at is added to `trials` from now on; null: none.
+  void Record(std::vector<WandTrial>* trials) { trials_ = trials; }
 
   // Before the first Verify of an image. What was measured of it is not measured again.
   void StartImage() { markers_.StartImage(); }
@@ -40,17 +51,21 @@ class WandVerifier {
   [[nodiscard]] bool FitOutlines(const ImageView& image, VerifiedWand* wand);
 
  private:
-  std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
-                                          const WandFinder& finder, const WandCandidate& candidate);
+  // Measures a candidate but for its outlines. Null, or why it is no wand.
+  const char* EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
+                          const WandFinder& finder, const WandCandidate& candidate,
+                          VerifiedWand* wand);
   bool IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const;
   static bool FitPose(const WandFinder& finder, VerifiedWand* wand);
-  double ShapeCost(const ImageView& image, const VerifiedWand& wand);
+  // Log-odds and confidence with what the outlines say.
+  void Score(const ImageView& image, VerifiedWand* wand);
 
   double min_confidence_;
   WandMechanisms without_;
   bool in_room_ = false;
   MeasuredMarkers markers_;
   std::vector<VerifiedWand> evaluated_;
+  std::vector<WandTrial>* trials_ = nullptr;
 };
 
 }  // namespace rigcal::agent

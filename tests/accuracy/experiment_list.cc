@@ -25,6 +25,7 @@ std::vector<Experiment> AllExperiments() {
           Detection(),
           DetectionScore(),
           DetectionValueExperiment(),
+          FitWandScore(),
           AmbientLight(),
           EventDetection(),
           EventLatency(),

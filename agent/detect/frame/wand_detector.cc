@@ -147,4 +147,20 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   return detection;
 }
 
+absl::StatusOr<WandExplanation> WandDetector::Explain(const ImageView& image) {
+  WandExplanation explanation;
+  track_.Forget();
+  search_.Record(&explanation.trials);
+  absl::StatusOr<Detection> detection = Detect(image, 0, 0);
+  search_.Record(nullptr);
+  track_.Forget();
+  if (!detection.ok()) return detection.status();
+  explanation.detection = *std::move(detection);
+  std::ranges::stable_sort(explanation.trials, [](const WandTrial& a, const WandTrial& b) {
+    if (a.refusal.empty() != b.refusal.empty()) return a.refusal.empty();
+    return a.wand.log_odds > b.wand.log_odds;
+  });
+  return explanation;
+}
+
 }  // namespace rigcal::agent

@@ -28,6 +28,11 @@ struct WandDetectorOptions : BlobFinderOptions, WandLimits {
   absl::Status Validate() const;
 };
 
+struct WandExplanation {
+  Detection detection;
+  std::vector<WandTrial> trials;
+};
+
 // Finds the wand in the images of one camera: blobs of its colour, sets of them that can be the
 // target's markers seen in perspective, sub-pixel centres of the best set. With intrinsics and the
 // spheres' diameter a centre is the projection of the sphere's centre (CentreKind::kSphereCentre),
@@ -48,6 +53,10 @@ class WandDetector {
   void SetBackground(StaticBackground* background) {
     search_.spot_finder().SetBackground(background);
   }
+
+  // Detect in the whole image, with every candidate that was looked at, the most likely first. The
+  // wand that was followed is forgotten.
+  absl::StatusOr<WandExplanation> Explain(const ImageView& image);
 
   // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
   // for around where it is expected; what is found there is what a search of the whole image

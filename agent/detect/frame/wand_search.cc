@@ -108,8 +108,9 @@ void WandSearch::FindCandidates() {
 
 bool WandSearch::MayHaveRivals(const Verdict& verdict) const {
   const auto chosen = std::ranges::find(candidates_, verdict.wand->blobs, &WandCandidate::blobs);
-  const bool is_sure = verdict.wand->cost < kSureCost &&
-                       spot_finder_.least_doubt_left() > verdict.wand->cost + kALittleWorse;
+  // In the units of a candidate's cost.
+  const double cost = (MostLogOdds(*is_lit_) - verdict.wand->log_odds) / WandVerifier::kCostLogOdds;
+  const bool is_sure = cost < kSureCost && spot_finder_.least_doubt_left() > cost + kALittleWorse;
   if (wand_finder_.cut_short() && !is_sure &&
       wand_finder_.least_cost_left() < chosen->cost + kALittleWorse) {
     return true;

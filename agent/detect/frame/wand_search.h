@@ -24,6 +24,8 @@ class WandSearch {
 
   SpotFinder& spot_finder() { return spot_finder_; }
   const WandFinder& wand_finder() const { return wand_finder_; }
+  // See WandVerifier.
+  void Record(std::vector<WandTrial>* trials) { verifier_.Record(trials); }
 
   // Before the first search of an image.
   void StartImage();

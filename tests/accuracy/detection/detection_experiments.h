@@ -13,5 +13,6 @@ Experiment DetectionScore();
 Experiment DetectionValueExperiment();
 Experiment EventDetection();
 Experiment EventLatency();
+Experiment FitWandScore();
 
 }  // namespace rigcal::accuracy

@@ -26,7 +26,6 @@ struct NamedMechanism {
   WandMechanism mechanism;
 };
 const NamedMechanism kMechanisms[] = {
-    {"evidence", WandMechanism::kEvidence},
     {"restored_outlines", WandMechanism::kRestoredOutlines},
     {"lambert", WandMechanism::kLambertShading},
     {"visible_arcs", WandMechanism::kVisibleArcs},
@@ -41,17 +40,6 @@ constexpr const char* kBackground = "static_background";
 constexpr const char* kRooms[] = {
     "dark",         "office",          "bright office",        "people in orange",
     "office, 1 ms", "office, defocus", "office, rolling, JPEG"};
-
-// One for each of kRooms: the first whose name begins so.
-std::vector<DetectionCase> Rooms() {
-  const std::vector<DetectionCase> all = RoomCases({});
-  std::vector<DetectionCase> rooms;
-  for (const char* const name : kRooms) {
-    rooms.push_back(*std::ranges::find_if(
-        all, [&](const DetectionCase& room) { return room.name.starts_with(name); }));
-  }
-  return rooms;
-}
 
 struct Arguments {
   DetectionValueOptions options;
@@ -102,7 +90,7 @@ int Run(const Arguments& arguments) {
       "                                    n      %   wands    rms   bias   NEES    worst     rms  "
       "median  worst\n",
       options.camera_count, options.rate_hz, options.empty_s, options.duration_s);
-  for (const DetectionCase& room : Rooms()) {
+  for (const DetectionCase& room : ValueRooms()) {
     if (!arguments.only.empty() && room.name.find(arguments.only) == std::string::npos) continue;
     const auto values = RunDetectionValue(options, room, *variants);
     if (!values.ok()) {
@@ -134,6 +122,17 @@ Experiment::Run Prepare(OptionList* list) {
 }
 
 }  // namespace
+
+// One for each of kRooms: the first whose name begins so.
+std::vector<DetectionCase> ValueRooms() {
+  const std::vector<DetectionCase> all = RoomCases({});
+  std::vector<DetectionCase> rooms;
+  for (const char* const name : kRooms) {
+    rooms.push_back(*std::ranges::find_if(
+        all, [&](const DetectionCase& room) { return room.name.starts_with(name); }));
+  }
+  return rooms;
+}
 
 std::vector<DetectorVariant> MechanismVariants() {
   std::vector<DetectorVariant> variants;

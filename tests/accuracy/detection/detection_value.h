@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/identify/wand_mechanisms.h"
+#include "common/simulation/frames/frame_renderer.h"
 #include "tests/accuracy/detection/room_cases.h"
 
 namespace rigcal::accuracy {
@@ -32,6 +34,21 @@ struct DetectionValueOptions {
   double duration_s = 30;  // of the wave
   int threads = 2;
 };
+
+// A wand whose sphere is that far off is false.
+inline constexpr double kFalsePx = 3;
+inline constexpr double kBackgroundAfterS = 3;  // DetectingOptions::background_s
+
+// A simulated rig, a wave in front of it, and a room around them.
+struct RoomWave {
+  std::shared_ptr<const SimulatedWorld> world;
+  FrameRenderOptions render;
+};
+absl::StatusOr<RoomWave> MakeRoomWave(const DetectionValueOptions& options,
+                                      const DetectionCase& room);
+
+// The rooms of `rigcal-accuracy detection_value`.
+std::vector<DetectionCase> ValueRooms();
 
 // What a detector's rows are worth, of one condition.
 struct DetectionValue {

@@ -21,9 +21,6 @@
 namespace rigcal::accuracy {
 namespace {
 
-constexpr double kFalsePx = 3;
-constexpr double kBackgroundAfterS = 3;  // DetectingOptions::background_s
-
 // What one detector makes of one camera's frames.
 struct CameraScore {
   absl::Status status;
@@ -184,9 +181,8 @@ DetectionValue Summarise(const SimulatedWorld& world, const DetectionValueOption
 
 }  // namespace
 
-absl::StatusOr<std::vector<DetectionValue>> RunDetectionValue(
-    const DetectionValueOptions& options, const DetectionCase& room,
-    const std::vector<DetectorVariant>& variants) {
+absl::StatusOr<RoomWave> MakeRoomWave(const DetectionValueOptions& options,
+                                      const DetectionCase& room) {
   DetectionOptions look;
   room.change(&look);
   look.render.seed = options.seed;
@@ -198,19 +194,25 @@ absl::StatusOr<std::vector<DetectionValue>> RunDetectionValue(
   rig.duration_s = options.empty_s + options.duration_s;
   rig.gap_duration_s = options.empty_s;
   RIGCAL_ASSIGN_OR_RETURN(SimulatedWorld created, SimulatedWorld::Create(rig, PaperWand()));
-  const auto world = std::make_shared<const SimulatedWorld>(std::move(created));
+  return RoomWave{std::make_shared<const SimulatedWorld>(std::move(created)), look.render};
+}
+
+absl::StatusOr<std::vector<DetectionValue>> RunDetectionValue(
+    const DetectionValueOptions& options, const DetectionCase& room,
+    const std::vector<DetectorVariant>& variants) {
+  RIGCAL_ASSIGN_OR_RETURN(const RoomWave wave, MakeRoomWave(options, room));
   struct CameraRun {
     absl::StatusOr<CameraScores> scores = absl::UnknownError("not run");
   };
   auto cameras = RunAll<CameraRun>(options.camera_count, options.threads, [&](int c) {
-    return CameraRun{RunCamera(world, c, look.render, variants)};
+    return CameraRun{RunCamera(wave.world, c, wave.render, variants)};
   });
   for (const CameraRun& camera : cameras) RIGCAL_RETURN_IF_ERROR(camera.scores.status());
   std::vector<DetectionValue> values;
   for (size_t v = 0; v < variants.size(); ++v) {
     std::vector<CameraScore> scores;
     for (CameraRun& camera : cameras) scores.push_back(std::move((*camera.scores)[v]));
-    values.push_back(Summarise(*world, options, std::move(scores)));
+    values.push_back(Summarise(*wave.world, options, std::move(scores)));
   }
   return values;
 }

@@ -84,7 +84,7 @@ absl::Status DetectingObservationSource::MakeDetector() {
   WandDetectorOptions options = options_.detector;
   options.colour = control_.colour();
   if (options.exposure_s <= 0 && camera.settings) options.exposure_s = camera.settings->exposure_s;
-  RIGCAL_ASSIGN_OR_RETURN(detector_, WandDetector::Create(options, target_, camera));
+  RIGCAL_ASSIGN_OR_RETURN(detector_, MakeFrameDetector(options, target_, camera));
   detector_->SetIgnored(Union(start_mask_, control_.ignored()));
   // What was learnt of another colour is not all there is.
   background_.reset();

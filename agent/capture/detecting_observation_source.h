@@ -91,7 +91,7 @@ class DetectingObservationSource : public ObservationSource {
   const DetectingOptions options_;
   DetectorControl control_;
   PreviewTap preview_tap_;
-  std::optional<WandDetector> detector_;
+  std::unique_ptr<FrameDetector> detector_;
   Target target_;
   PixelMask start_mask_;  // learnt at the start of this capture; without pixels: none
   std::optional<StaticMaskLearner> learner_;

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "agent/detect/frame/frame_detector.h"
 #include "agent/detect/frame/wand_search.h"
 #include "agent/detect/frame/wand_track.h"
 #include "agent/identify/detection.h"
@@ -41,16 +42,16 @@ struct WandExplanation {
 // The time of a search is bounded: of an image with too many things of the wand's colour the search
 // leaves out large patches and the less likely candidates, always the same ones
 // (Detection::cut_short, dismissed_patches).
-class WandDetector {
+class WandDetector : public FrameDetector {
  public:
   // INVALID_ARGUMENT: options, target or camera not valid; names the camera.
   static absl::StatusOr<WandDetector> Create(const WandDetectorOptions& options,
                                              const Target& target, const CameraDescription& camera);
 
   // Pixels that never belong to a marker from now on (StaticMaskLearner), of the images' size.
-  void SetIgnored(const PixelMask& ignored) { search_.spot_finder().SetIgnored(ignored); }
+  void SetIgnored(const PixelMask& ignored) override { search_.spot_finder().SetIgnored(ignored); }
   // Nor those of this background, while they look like it; null: none. It outlives the detector.
-  void SetBackground(StaticBackground* background) {
+  void SetBackground(StaticBackground* background) override {
     search_.spot_finder().SetBackground(background);
   }
 
@@ -61,11 +62,12 @@ class WandDetector {
   // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
   // for around where it is expected; what is found there is what a search of the whole image
   // finds. INVALID_ARGUMENT: the image has no pixels or is not of the camera's size.
-  absl::StatusOr<Detection> Detect(const ImageView& image, int64_t time_ns, uint32_t clock_epoch);
+  absl::StatusOr<Detection> Detect(const ImageView& image, int64_t time_ns,
+                                   uint32_t clock_epoch) override;
 
   // Window and blobs of the last Detect; valid until the next call.
-  PixelRect window() const { return search_.window(); }
-  absl::Span<const Blob> blobs() const { return search_.result().blobs; }
+  PixelRect window() const override { return search_.window(); }
+  absl::Span<const Blob> blobs() const override { return search_.result().blobs; }
 
  private:
   WandDetector(const WandDetectorOptions& options, const Target& target,

@@ -32,7 +32,7 @@ constexpr double kBiasSigma = 2;
 constexpr double kWeightSigma = 1;       // of the prior's weight
 constexpr double kLeastWeightSigma = 1;  // log-odds, of a feature at its most
 
-struct Arguments {
+struct FitArguments {
   int first_seed = 31, seeds = 2, judged_seeds = 1, threads = 2;
   double duration_s = 10;
   std::string output;
@@ -102,7 +102,7 @@ absl::StatusOr<Samples> CollectCamera(const RoomWave& wave, int number) {
   return samples;
 }
 
-absl::StatusOr<Samples> Collect(const Arguments& arguments, int first_seed, int count) {
+absl::StatusOr<Samples> Collect(const FitArguments& arguments, int first_seed, int count) {
   Samples all;
   for (int seed = first_seed; seed < first_seed + count; ++seed) {
     for (const DetectionCase& room : ValueRooms()) {
@@ -189,7 +189,7 @@ std::string TableOf(const std::array<LogisticModel, 2>& models) {
   return text + "};\n";
 }
 
-int Run(const Arguments& arguments) {
+int RunFit(const FitArguments& arguments) {
   const auto training = Collect(arguments, arguments.first_seed, arguments.seeds);
   const auto judged =
       Collect(arguments, arguments.first_seed + arguments.seeds, arguments.judged_seeds);
@@ -219,21 +219,21 @@ int Run(const Arguments& arguments) {
   return 1;
 }
 
-Experiment::Run Prepare(OptionList* list) {
-  const auto arguments = std::make_shared<Arguments>();
+Experiment::Run PrepareFit(OptionList* list) {
+  const auto arguments = std::make_shared<FitArguments>();
   list->Add("--first-seed", &arguments->first_seed, 0, 4000000, "of rigs, waves, rooms and noise");
   list->Add("--seeds", &arguments->seeds, 1, 100, "that the weights are fitted to");
   list->Add("--judged", &arguments->judged_seeds, 1, 100, "seeds behind them that judge");
   list->Add("--duration", &arguments->duration_s, 1, 3600, "of each wave, s");
   list->Add("--threads", &arguments->threads, 1, 256, "cameras at the same time");
   list->Add("--output", &arguments->output, "file for the table of weights");
-  return [arguments] { return Run(*arguments); };
+  return [arguments] { return RunFit(*arguments); };
 }
 
 }  // namespace
 
 Experiment FitWandScore() {
-  return {"fit_wand_score", "fits the weights by which candidates are taken for wands", Prepare};
+  return {"fit_wand_score", "fits the weights by which candidates are taken for wands", PrepareFit};
 }
 
 }  // namespace rigcal::accuracy

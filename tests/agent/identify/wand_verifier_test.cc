@@ -118,7 +118,7 @@ TEST(WandVerifier, OutlinesOfLargeDimSpheresCostNothing) {
   EXPECT_EQ(wand->OccludedCount(), 0);
   const auto small = VerifiedInRoom(1, 20, 20, 0);
   ASSERT_TRUE(small.has_value());
-  EXPECT_GT(small->cost, wand->cost + 1);
+  EXPECT_LT(small->log_odds, wand->log_odds - 0.4);
 }
 
 }  // namespace

@@ -13,10 +13,8 @@ namespace {
 constexpr double kLikeRadiusPx = 0.03, kLikeRadiusShare = 0.008;  // of one that is expected
 constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;
 constexpr double kLikeStretchSigma = 0.02, kLeastRatio = 0.5;
-// Of arcs: of the radius by pose and diameter, and by another outline.
+// Of the radius by pose and diameter.
 constexpr double kPoseRadiusPx = 0.15, kPoseRadiusShare = 0.05;
-constexpr double kOtherRadiusPx = 0.1, kOtherRadiusShare = 0.03;
-constexpr double kCutRatio = 100;  // less sure than any other
 // A sphere that is smaller than the others say and whose edge is that much less on its outline is
 // partly hidden.
 constexpr double kHiddenPx = 0.1, kHiddenRatio = 6;
@@ -27,19 +25,6 @@ constexpr double kMostSaturatedBehind = 0.1;
 constexpr double kSmallError = 0.5, kDarkError = 0.1;
 // The same of one that is longer than the others', per radius and stretch.
 constexpr double kStretchError = 2, kLikeStretch = 0.04;
-
-// The outline that its own edge fits best, which is hardly one of a sphere that is partly hidden.
-size_t SurestOf(const VerifiedWand& wand, const FittedOutlines& outlines) {
-  size_t surest = 0;
-  double least = -1;
-  for (size_t k = 0; k < outlines.size(); ++k) {
-    if (!outlines[k]) continue;
-    const double ratio = outlines[k]->edge_chi_squared / std::max(1.0, outlines[k]->edge_freedom) +
-                         (wand.centres[k].cut ? kCutRatio : 0);
-    if (least < 0 || ratio < least) least = ratio, surest = k;
-  }
-  return surest;
-}
 
 // Of one whose edge is less on it than the others' by `least_ratio`.
 double MissingRadius(const FittedOutlines& outlines, size_t marker,
@@ -87,27 +72,6 @@ OutlineExpectation ExpectationOf(const VerifiedWand& wand, const FittedOutlines&
     expected.edge_sigma_px2 = kEdgePx2 + kEdgeShare * expected.edge_px2;
     expected.stretch = {Median(stretches_x), Median(stretches_y)};
     expected.stretch_sigma = kLikeStretchSigma;
-  }
-  return expected;
-}
-
-ArcExpectation ArcExpectationOf(const VerifiedWand& wand, const FittedOutlines& outlines,
-                                size_t marker) {
-  ArcExpectation expected;
-  const size_t surest = SurestOf(wand, outlines);
-  expected.is_cut = wand.centres[marker].cut;
-  const SphereOutline& other = *outlines[surest];
-  expected.scatter = ScatterOf(other);
-  expected.edge_variance_px2 = std::max(0.0, ScatterOfEdges({&other})[0].extra_px2);
-  expected.stretch = other.stretch;
-  if (wand.px_per_m.size() != outlines.size()) return expected;
-  const double own_px_per_m = wand.px_per_m[marker];
-  if (surest != marker) {
-    expected.radius_px = other.radius_px * own_px_per_m / wand.px_per_m[surest];
-    expected.radius_sigma_px = kOtherRadiusPx + kOtherRadiusShare * expected.radius_px;
-  } else if (wand.diameter_m > 0) {
-    expected.radius_px = 0.5 * wand.diameter_m * own_px_per_m;
-    expected.radius_sigma_px = kPoseRadiusPx + kPoseRadiusShare * expected.radius_px;
   }
   return expected;
 }

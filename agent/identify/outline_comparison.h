@@ -10,7 +10,6 @@
 #include "agent/identify/outline_sectors.h"
 #include "agent/identify/sphere_outline_fit.h"
 #include "agent/identify/verified_wand.h"
-#include "agent/identify/visible_arc.h"
 
 namespace rigcal::agent {
 
@@ -31,10 +30,6 @@ std::vector<EdgeScatter> ScatterOf(const FittedOutlines& outlines);
 // hides a part of a sphere makes it smaller, what is beside it larger and softer.
 OutlineExpectation ExpectationOf(const VerifiedWand& wand, const FittedOutlines& outlines,
                                  size_t marker);
-
-// What the surest outline and the pose say of another one.
-ArcExpectation ArcExpectationOf(const VerifiedWand& wand, const FittedOutlines& outlines,
-                                size_t marker);
 
 // How much less the edge is on its outline than those of the others, as a ratio of variances.
 double EdgeRatio(const FittedOutlines& outlines, size_t marker);

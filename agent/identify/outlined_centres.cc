@@ -8,7 +8,6 @@
 #include "agent/identify/outline_comparison.h"
 #include "agent/identify/outline_sectors.h"
 #include "agent/identify/squared.h"
-#include "agent/identify/visible_arc.h"
 #include "agent/identify/wand_stick.h"
 
 namespace rigcal::agent {
@@ -33,17 +32,9 @@ constexpr double kPlacePerEdge = 2.0 / kOutlineSectors;  // variances, of all se
 constexpr double kBackgroundError = 0.22;  // widths of an edge, per step behind over the contrast
 constexpr double kNeighbourPx = 0.05;      // of the edge, where something else is near
 constexpr double kBesideError = 0.9;       // of what the background right beside it moved a centre
-// Of arcs: sectors that are known, of which the stick takes some; the radius that is enough of what
-// is expected; how far a clear gap's edges are off an ellipse, chi-squared.
-constexpr int kLeastKnown = 6, kFewKnown = 9;
-constexpr double kLeastOfWhole = 0.97, kNearlyWhole = 0.9;
-constexpr double kClearGap = 150;
-// Of what an arc moves the centre, and of what one that is not taken would.
-constexpr double kMovedError = 0.15, kDoubtError = 0.4;
-constexpr double kArcError = 0.045, kAloneError = 0.2;  // radii
+constexpr double kAloneError = 0.2;        // radii
 // Radii, and pixels: less is known of one that is as good as hidden.
 constexpr double kMostSigma = 0.33, kMostSigmaPx = 2;
-constexpr int kNotch = 2;                              // sectors that the stick takes
 constexpr double kOddPx = 0.04, kOddError = 0.6;       // of the place, per error of the radius
 constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
 // Of the slopes' variance by noise, over the root of their number.
@@ -114,12 +105,12 @@ class OutlinedCentres {
     slope_sigma_ = SlopeSigma(fitted_, true);
     light_sigma_ = SlopeSigma(fitted_, false);
     FitOutlines();
-    arcs_.resize(markers_.size());
-    doubt_px_.assign(markers_.size(), 0);
-    FindArcs();
     scatters_ = ScatterOf(outlines_);
     for (size_t k = 0; k < markers_.size(); ++k) CountUnsure(k);
-    arced_ = outlines_;
+    first_ = outlines_;
+    has_hidden_ = wand_.OccludedCount() > 0;
+    has_outline_ =
+        std::ranges::any_of(outlines_, [](const auto& outline) { return outline.has_value(); });
     for (size_t k = 0; k < markers_.size(); ++k) {
       if (!wand_.whole[k]) continue;
       if (outlines_[k]) {
@@ -131,10 +122,6 @@ class OutlinedCentres {
   }
 
  private:
-  bool IsArc(size_t k) const { return wand_.centres[k].cut || !arcs_[k].is_all(); }
-  const OutlinePixels& PixelsOf(size_t k) const {
-    return arcs_[k].is_all() ? *markers_[k].pixels : arcs_[k].pixels;
-  }
   // The prior of the slopes is not noise, which `scatter` scales.
   SphereShading LightOver(double scatter) const {
     SphereShading light = light_;
@@ -148,47 +135,9 @@ class OutlinedCentres {
       SphereOutline outline = *fitted_[k];
       if (!outline.white && !fitter_.Fit(*markers_[k].pixels, wand_.centres[k].second_moment_px2,
                                          LightOver(ScatterOf(outline)), &outline)) {
-        // As it is, what hides a part of it is still looked for.
         outline = *fitted_[k];
       }
       outlines_[k] = outline;
-    }
-  }
-
-  // What hides a part of an outline is left out; a marker of which too little is left is not whole.
-  void FindArcs() {
-    const FittedOutlines first = outlines_;
-    for (size_t k = 0; k < markers_.size(); ++k) {
-      if (!outlines_[k]) continue;
-      if (without_.Has(WandMechanism::kVisibleArcs) && !wand_.centres[k].cut) continue;
-      const ArcExpectation expected = ArcExpectationOf(wand_, first, k);
-      arcs_[k] =
-          FindVisibleArc(*markers_[k].pixels, wand_.centres[k].second_moment_px2,
-                         LightOver(ScatterOf(*outlines_[k])), expected, &fitter_, &*outlines_[k]);
-      bool too_little = arcs_[k].hidden_count > kNotch && arcs_[k].known_count < kLeastKnown;
-      // Different things around it, and an edge that is as much on its outline as the others', or
-      // an outline that is not smaller than theirs, as that of half a sphere is.
-      const bool is_as_large = (too_little || arcs_[k].failed) &&
-                               first[k]->radius_px > kLeastOfWhole * expected.radius_px &&
-                               expected.radius_px > 0;
-      // Through few sectors an ellipse fits anything, and what is left of a sphere is smaller.
-      const bool is_weak = arcs_[k].hidden_count > kNotch && arcs_[k].known_count < kFewKnown &&
-                           arcs_[k].whole_chi_squared < kClearGap &&
-                           first[k]->radius_px > kNearlyWhole * expected.radius_px &&
-                           expected.radius_px > 0;
-      if ((!arcs_[k].stays || too_little || is_weak) && !wand_.centres[k].cut &&
-          (EdgeRatio(first, k) < kSuspectRatio || is_as_large)) {
-        doubt_px_[k] = arcs_[k].moved_px;
-        arcs_[k] = VisibleArc();
-        outlines_[k] = first[k];
-        too_little = false;
-      }
-      if (IsArc(k) && (arcs_[k].failed || too_little)) wand_.whole[k] = false;
-    }
-    has_hidden_ = wand_.OccludedCount() > 0;
-    for (size_t k = 0; k < markers_.size(); ++k) {
-      has_outline_ |= outlines_[k].has_value();
-      has_whole_ |= outlines_[k] && !IsArc(k);
     }
   }
 
@@ -196,7 +145,7 @@ class OutlinedCentres {
   // background is known.
   void CountUnsure(size_t k) {
     if (!outlines_[k] || without_.Has(WandMechanism::kUnsureBackground)) return;
-    OutlinePixels& pixels = arcs_[k].is_all() ? *markers_[k].pixels : arcs_[k].pixels;
+    OutlinePixels& pixels = *markers_[k].pixels;
     if (!pixels.CountUnsure()) return;
     SphereOutline outline = *outlines_[k];
     if (fitter_.Fit(pixels, wand_.centres[k].second_moment_px2, LightOver(scatters_[k].noise),
@@ -209,7 +158,7 @@ class OutlinedCentres {
     MarkerCentre& centre = wand_.centres[k];
     OutlineExpectation expected = ExpectationOf(wand_, outlines_, k);
     if (without_.Has(WandMechanism::kOtherSpheres)) expected = {};
-    if (IsPartlyHidden(wand_, outlines_, k, expected, PixelsOf(k))) {
+    if (IsPartlyHidden(wand_, outlines_, k, expected, *markers_[k].pixels)) {
       wand_.whole[k] = false;
       return;
     }
@@ -225,8 +174,7 @@ class OutlinedCentres {
                    kSofterError * std::max(0.0, softer_px - kSofterPx));
     wrong_px = std::max(wrong_px, missing_px);
     wrong_px = std::hypot(wrong_px, WrongOutline(wand_, k, outline));
-    wrong_px = std::hypot(wrong_px, WrongByStretch(arced_, k));
-    wrong_px = std::hypot(wrong_px, kMovedError * arcs_[k].moved_px, kDoubtError * doubt_px_[k]);
+    wrong_px = std::hypot(wrong_px, WrongByStretch(first_, k));
     if (markers_[k].pixels->clipped) {
       wrong_px = std::hypot(wrong_px, kClippedError * outline.edge_px);
     }
@@ -239,16 +187,9 @@ class OutlinedCentres {
     centre.covariance_px2 = noise / outline.follows * outline.covariance_px2 +
                             kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
     // What is not on an ellipse may be hidden in part, or more than was left out.
-    centre.covariance_px2 *= std::max(1.0, EdgeRatio(arced_, k) / (IsArc(k) ? 1 : kSuspectRatio));
-    if (IsArc(k)) {
-      // A radius or a shape that is a little wrong moves the middle of an arc.
-      const Eigen::Vector2d arc_px = kArcError * outline.radius_px * arcs_[k].missing;
-      centre.covariance_px2 += arc_px * arc_px.transpose();
-      // Without a whole sphere nothing says how large they are.
-      if (!has_whole_ && arcs_[k].hidden_count > kNotch) {
-        wrong_px = std::hypot(wrong_px, kAloneError * outline.radius_px);
-      }
-    }
+    centre.covariance_px2 *= std::max(1.0, EdgeRatio(first_, k) / (centre.cut ? 1 : kSuspectRatio));
+    // A radius or a shape that is a little wrong moves the middle of what the border leaves.
+    if (centre.cut) wrong_px = std::hypot(wrong_px, kCutError * outline.radius_px);
     WidenByNear(k, outline.edge_px);
     const Eigen::Vector2d moved_px = kBesideError * markers_[k].moved_px;
     centre.covariance_px2 += moved_px * moved_px.transpose();
@@ -266,15 +207,16 @@ class OutlinedCentres {
       *sigma /= std::sqrt(scatter.noise);
     }
     SphereOutline outline = *outlines_[k];
-    for (int round = 0; round < (is_odd || IsArc(k) ? 2 : 1); ++round) {
-      const SectorVariances extra = ExtraVariances(PixelsOf(k), outline, scatter, IsArc(k));
-      Discount(PixelsOf(k), outline, extra, scatter.noise, &discounted_);
+    for (int round = 0; round < (is_odd || wand_.centres[k].cut ? 2 : 1); ++round) {
+      const SectorVariances extra =
+          ExtraVariances(*markers_[k].pixels, outline, scatter, wand_.centres[k].cut);
+      Discount(*markers_[k].pixels, outline, extra, scatter.noise, &discounted_);
       SphereOutline again = outline;
       if (!fitter_.Fit(discounted_, wand_.centres[k].second_moment_px2, LightOver(scatter.noise),
                        &again, scaled)) {
         break;
       }
-      fitter_.MeasureEdge(PixelsOf(k), &again);
+      fitter_.MeasureEdge(*markers_[k].pixels, &again);
       outline = again;
     }
     return outline;
@@ -327,12 +269,10 @@ class OutlinedCentres {
   VerifiedWand& wand_;
   SphereShading light_;
   double slope_sigma_ = 0, light_sigma_ = 0;
-  // With any slope of the light; as they are expected to be; those that an arc was looked for in.
-  FittedOutlines fitted_, outlines_, arced_;
-  std::vector<VisibleArc> arcs_;
-  std::vector<double> doubt_px_;  // how far an arc that was not taken moved the centre
+  // With any slope of the light; as they are expected to be; those before the last fit.
+  FittedOutlines fitted_, outlines_, first_;
   std::vector<EdgeScatter> scatters_;
-  bool has_hidden_ = false, has_outline_ = false, has_whole_ = false;
+  bool has_hidden_ = false, has_outline_ = false;
   OutlinePixels discounted_;
 };
 

@@ -10,7 +10,6 @@ namespace rigcal::agent {
 enum class WandMechanism : uint32_t {
   kRestoredOutlines,  // spheres that are whole by their outlines only
   kLambertShading,    // white light as Lambert's law has it
-  kVisibleArcs,       // a part of an outline that something hides is left out
   kBesideOutlines,    // outlines against what is right beside them, where backgrounds are uneven
   kUnsureBackground,  // pixels in front of a border between two things count less
   kOtherSpheres,      // the size and softness that the others say, of centres

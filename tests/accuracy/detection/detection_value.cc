@@ -28,7 +28,6 @@ struct NamedMechanism {
 const NamedMechanism kMechanisms[] = {
     {"restored_outlines", WandMechanism::kRestoredOutlines},
     {"lambert", WandMechanism::kLambertShading},
-    {"visible_arcs", WandMechanism::kVisibleArcs},
     {"beside_outlines", WandMechanism::kBesideOutlines},
     {"unsure_background", WandMechanism::kUnsureBackground},
     {"other_spheres", WandMechanism::kOtherSpheres},

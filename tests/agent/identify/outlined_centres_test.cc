@@ -108,40 +108,6 @@ class ThreeSpheres {
   VerifiedWand wand_;
 };
 
-TEST(SetOutlinedCentres, ASphereThatIsPartlyHiddenIsTakenFromItsArc) {
-  ThreeSpheres hidden(-4.8), seen(-100);
-  ASSERT_TRUE(hidden.fitted_);
-  ASSERT_TRUE(seen.fitted_);
-  const Eigen::Vector2d centre(160, 50.3);
-  EXPECT_GT((hidden.outlines_[2].centre_px - centre).norm(), 0.5);
-  hidden.SetCentres();
-  seen.SetCentres();
-  ASSERT_EQ(hidden.wand_.OccludedCount(), 0);
-  ASSERT_EQ(seen.wand_.OccludedCount(), 0);
-  const MarkerCentre &arc = hidden.wand_.centres[2], &whole = seen.wand_.centres[2];
-  const Eigen::Vector2d error_px = arc.centre_px - centre;
-  // The side that is missing is where a stick may be: what is seen there tells nothing of the edge.
-  EXPECT_LT(error_px.norm(), 0.2);
-  EXPECT_LT(error_px.dot(arc.covariance_px2.inverse() * error_px), 9);
-  // Along the wand, where a side is missing, less is known.
-  EXPECT_GT(arc.covariance_px2(0, 0), 4 * whole.covariance_px2(0, 0));
-}
-
-// What is left of it has an outline, which is not found a second time from where it began.
-TEST(SetOutlinedCentres, APartWhoseOutlineCannotBeFittedAgainIsNotTakenForASphere) {
-  ThreeSpheres hidden(-3.5);
-  ASSERT_TRUE(hidden.fitted_);
-  MarkerCentre& part = hidden.wand_.centres[2];
-  part.centre_px.x() += 0.4 * kRadius;  // its centroid
-  part.radius_px = 0.8 * kRadius;
-  hidden.outlines_[2].centre_px.x() += 0.6 * kRadius;
-  hidden.SetCentres();
-  const double error_px = (part.centre_px - Eigen::Vector2d(160, 50.3)).norm();
-  EXPECT_TRUE(!hidden.wand_.whole[2] || error_px < 0.5) << error_px;
-  EXPECT_TRUE(hidden.wand_.whole[0]);
-  EXPECT_TRUE(hidden.wand_.whole[1]);
-}
-
 // How its light differs from side to side is not seen, and moves the edge by a part of its width.
 TEST(SetOutlinedCentres, ClippedLightHasALargerCovariance) {
   ThreeSpheres plain(-100), clipped(-100);
@@ -153,83 +119,6 @@ TEST(SetOutlinedCentres, ClippedLightHasALargerCovariance) {
     EXPECT_NEAR(with.covariance_px2(0, 0) - without.covariance_px2(0, 0), k == 1 ? 0.003 : 0,
                 k == 1 ? 0.001 : 1e-9);
   }
-}
-
-// Of an arc little is known: what its edge is off its ellipse counts in full.
-TEST(SetOutlinedCentres, AnArcThatIsNotOnAnEllipseHasALargerCovariance) {
-  ThreeSpheres even(-4.8), uneven(-4.8);
-  AddWaves(0.08, 160, &uneven.pixels_[2]);
-  ASSERT_TRUE(uneven.fitter_.Fit(uneven.pixels_[2],
-                                 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
-                                 &uneven.outlines_[2]));
-  even.SetCentres();
-  uneven.SetCentres();
-  ASSERT_EQ(uneven.wand_.OccludedCount(), 0);
-  EXPECT_GT(uneven.wand_.centres[2].covariance_px2(0, 0),
-            5 * even.wand_.centres[2].covariance_px2(0, 0));
-}
-
-// Few sectors are known of the last sphere, which has a gap. Where another outline is as little on
-// its edge, that is no sign of something that hides it.
-bool IsWholeBeside(double waves) {
-  ThreeSpheres wand(-4.8);
-  OutlinePixels& pixels = wand.pixels_[2];
-  for (size_t i = 0; i < pixels.size(); ++i) {
-    if (pixels.y[i] < 49 && pixels.x[i] > 156) pixels.saturated_behind[i] = 1;
-  }
-  AddWaves(waves, 100, &wand.pixels_[1]);
-  EXPECT_TRUE(wand.fitter_.Fit(wand.pixels_[1],
-                               0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
-                               &wand.outlines_[1]));
-  wand.SetCentres();
-  return wand.wand_.whole[2];
-}
-
-TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItsEdgeIsOnItsOutline) {
-  EXPECT_FALSE(IsWholeBeside(0));
-  EXPECT_TRUE(IsWholeBeside(0.3));
-}
-
-// The same of a dent in an outline that is as large as the others': half a sphere's is smaller.
-TEST(SetOutlinedCentres, ASphereOfWhichLittleIsKnownIsWholeIfItIsAsLargeAsTheOthers) {
-  ThreeSpheres wand(-100);
-  OutlinePixels& pixels = wand.pixels_[2];
-  MoveEdge([](double turn) { return turn > 2.4 ? -1.3 : 0; }, 160, &pixels);
-  SaturateRight(1.4, 160, &pixels);
-  ASSERT_TRUE(wand.fitter_.Fit(pixels, 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity(), {},
-                               &wand.outlines_[2]));
-  wand.SetCentres();
-  EXPECT_TRUE(wand.wand_.whole[2]);
-  EXPECT_LT((wand.wand_.centres[2].centre_px - Eigen::Vector2d(160, 50.3)).norm(), 0.4);
-}
-
-// Through the few sectors that a gap and the background leave, an ellipse may be anywhere: what is
-// nearly as large as the others is taken as a whole, and what the gap would move it is in doubt.
-TEST(SetOutlinedCentres, AGapThatIsNotClearAndLeavesFewSectorsIsNotTaken) {
-  const auto centre_of = [](const std::function<double(double)>& of_turn, bool knows_sizes = true) {
-    ThreeSpheres wand(-100);
-    if (!knows_sizes) wand.wand_.px_per_m.clear();
-    OutlinePixels& pixels = wand.pixels_[2];
-    MoveEdge(of_turn, 160, &pixels);
-    SaturateRight(0.7, 160, &pixels);
-    const Eigen::Matrix2d shape = 0.25 * kRadius * kRadius * Eigen::Matrix2d::Identity();
-    EXPECT_TRUE(wand.fitter_.Fit(pixels, shape, {}, &wand.outlines_[2]));
-    AddWaves(0.3, 100, &wand.pixels_[1]);
-    EXPECT_TRUE(wand.fitter_.Fit(wand.pixels_[1], shape, {}, &wand.outlines_[1]));
-    wand.SetCentres();
-    EXPECT_TRUE(wand.wand_.whole[2]);
-    return wand.wand_.centres[2];
-  };
-  const Eigen::Vector2d truth(160, 50.3);
-  const MarkerCentre waves = centre_of([](double turn) { return 0.4 * std::cos(3 * turn); });
-  const Eigen::Vector2d error_px = waves.centre_px - truth;
-  EXPECT_LT(error_px.norm(), 0.5);
-  EXPECT_LT(error_px.dot(waves.covariance_px2.inverse() * error_px), 9);
-  const MarkerCentre dent = centre_of([](double turn) { return turn > 2.4 ? -1.2 : 0; });
-  EXPECT_LT((dent.centre_px - truth).norm(), 0.1);
-  // Nothing says that a sphere of unknown size is nearly whole.
-  const auto shallow = [](double turn) { return turn > 2.4 ? -0.6 : 0; };
-  EXPECT_LT((centre_of(shallow, false).centre_px - truth).norm(), 0.1);
 }
 
 // What hides a side of a sphere leaves an outline that fits well and is in another place. Blur

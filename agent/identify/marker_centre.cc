@@ -12,14 +12,11 @@ namespace {
 // Coverage up to which a pixel counts as background, and from which on as marker.
 constexpr float kFree = 0.22f, kCovered = 0.8f;
 constexpr float kStrange = 0.3f;  // of the contrast: away from all mixtures of the two colours
-// A marker's colour without white: least that can be told, and pixels more by it than by all.
-constexpr double kLeastColourGrey = 12, kLeastColour = 0.3, kMoreColoured = 1.1;
 constexpr int kLeastOutlinePx = 4;
-constexpr double kRoundSpread = 1.1;  // as a disc has, or more
-constexpr double kCore = 0.55;        // of the blob's ellipse: the plateau is read there
-constexpr double kWideCore = 0.85;    // of it: where saturation is looked for
-constexpr double kMinContrast = 12;   // grey levels
-constexpr double kUsualStep = 1.2;    // root mean square of usual steps over their mean
+constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
+constexpr double kWideCore = 0.85;   // of it: where saturation is looked for
+constexpr double kMinContrast = 12;  // grey levels
+constexpr double kUsualStep = 1.2;   // root mean square of usual steps over their mean
 constexpr double kMostSaturated = 0.04;
 // Pixels this bright (kForeign) and this far outside of the blob belong to something else.
 constexpr double kOwnPx = 1.5;
@@ -34,18 +31,6 @@ constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its 
 constexpr double kArcPx = 3;              // of the background
 constexpr double kFullRadiusPx = 16;      // larger ones are read more coarsely
 
-// The share of what is left of `range` without white in `above`; 0 where that is too little, and of
-// what is another colour by more than `strange`.
-float ColourShare(const Eigen::Vector3f& above, const Eigen::Vector3f& range, float least,
-                  float strange) {
-  const Eigen::Vector3f colour = ColourOf(range);
-  const float squared = colour.squaredNorm();
-  if (squared < least * least) return 0;
-  const Eigen::Vector3f coloured = ColourOf(above);
-  const float share = coloured.dot(colour) / squared;
-  return (coloured - share * colour).squaredNorm() > strange * strange ? 0 : share;
-}
-
 struct PixelMoments {
   int count = 0;
   Eigen::Vector2d first = Eigen::Vector2d::Zero();
@@ -58,10 +43,6 @@ struct PixelMoments {
   }
   Eigen::Vector2d Mean() const { return first / count; }
   Eigen::Matrix2d Moment() const { return second / count - Mean() * Mean().transpose(); }
-  // As MarkerCentre::spread.
-  double Spread() const {
-    return 4 * std::numbers::pi * std::sqrt(std::max(0.0, Moment().determinant())) / count;
-  }
 };
 
 }  // namespace
@@ -124,13 +105,12 @@ bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aper
   return true;
 }
 
-bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture, bool by_colour,
+bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
                         MarkerCentre* centre) {
   const std::vector<RingBackground::Arc>& arcs = background_.arcs();
   const size_t size = window_.size();
   coverage_.resize(size);
   share_.resize(size);
-  colour_share_.resize(size);
   gain_.resize(size);
   arc_of_.resize(size);
   foreign_.resize(size);
@@ -154,8 +134,6 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture, 
   if (!(centre->contrast_grey > kMinContrast)) return false;
   const auto least = static_cast<float>(0.3 * centre->contrast_grey);
   const auto strange = static_cast<float>(kStrange * centre->contrast_grey);
-  const auto least_colour =
-      static_cast<float>(std::max(kLeastColourGrey, kLeastColour * centre->contrast_grey));
   // A little beyond what is summed: the aperture follows the centroid.
   reach_ = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx + 1);
   std::ranges::fill(coverage_, 0.0f);
@@ -173,12 +151,9 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture, 
     share_[i] = share;
     foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
     if ((above - share * range).squaredNorm() > strange * strange) foreign_[i] |= kOtherColour;
-    if (by_colour) colour_share_[i] = ColourShare(above, range, least_colour, strange);
-    const float counted =
-        ((is_half_white_ ? colour_share_[i] : share) - kFree) / (kCovered - kFree);
+    const float counted = (share - kFree) / (kCovered - kFree);
     coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
-    const float grey = is_half_white_ ? ColourOf(range).norm() : std::sqrt(squared);
-    gain_[i] = counted > 0 && counted < 1 ? 1 / (grey * (kCovered - kFree)) : 0;
+    gain_[i] = counted > 0 && counted < 1 ? 1 / (std::sqrt(squared) * (kCovered - kFree)) : 0;
     arc_of_[i] = static_cast<uint16_t>(arc);
   };
   background_.ForDirections(window_, aperture.centre_px, reach_, &turns_, cover);
@@ -187,23 +162,15 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture, 
 
 bool MarkerMeter::Outline(const MarkerAperture& aperture, Blob* blob) {
   const Eigen::Matrix2d grown = aperture.Grown(1);
-  PixelMoments covered, coloured;
+  PixelMoments covered;
   ForEllipse(window_, aperture.centre_px, grown, [&](size_t i, int, int, const Eigen::Vector2d& d) {
     if (d.dot(grown * d) > 1) return;
     if (share_[i] >= 0.5f && (foreign_[i] & kOtherColour) == 0) covered.Add(d);
-    if (colour_share_[i] >= 0.5f) coloured.Add(d);
   });
-  // White light on one side makes the other side another colour, or as bright as what is behind;
-  // but noise and what is coloured beside it count more without brightness.
-  is_half_white_ = coloured.count >= kLeastOutlinePx &&
-                   coloured.count > kMoreColoured * covered.count &&
-                   (covered.count < kLeastOutlinePx ||
-                    coloured.Spread() < std::max(kRoundSpread, covered.Spread()));
-  const PixelMoments& found = is_half_white_ ? coloured : covered;
-  if (found.count < kLeastOutlinePx) return false;
-  blob->centre_px = aperture.centre_px + found.Mean();
-  blob->second_moment_px2 = found.Moment();
-  blob->area_px = found.count * window_.step * window_.step;
+  if (covered.count < kLeastOutlinePx) return false;
+  blob->centre_px = aperture.centre_px + covered.Mean();
+  blob->second_moment_px2 = covered.Moment();
+  blob->area_px = covered.count * window_.step * window_.step;
   return true;
 }
 
@@ -319,7 +286,7 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
 bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre) {
   *centre = MarkerCentre();
   Blob outlined = blob;
-  has_measured_ = is_half_white_ = false;
+  has_measured_ = false;
   for (const bool last : {false, true}) {
     MarkerAperture aperture(outlined);
     if (!PlaceWindow(image, aperture, centre) || !ReadPlateau(image, aperture, centre) ||
@@ -327,7 +294,7 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
             image, aperture, window_, centre->plateau_grey.cast<float>(),
             {MarkerAperture::kMarginPx + MarkerAperture::kGapPx, aperture.ring_px, kArcPx},
             last ? &centre->noise_grey : nullptr) ||
-        !Cover(image, aperture, !last || is_half_white_, centre)) {
+        !Cover(image, aperture, centre)) {
       return false;
     }
     if (!last) {

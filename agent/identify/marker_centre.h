@@ -94,9 +94,7 @@ class MarkerMeter {
   bool PlaceWindow(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
   bool ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
                    MarkerCentre* centre) const;
-  // `by_colour`: the coverage by colour without white, too.
-  bool Cover(const ImageView& image, const MarkerAperture& aperture, bool by_colour,
-             MarkerCentre* centre);
+  bool Cover(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
   // The blob of the pixels that are more marker than background, without what its mask merged with.
   bool Outline(const MarkerAperture& aperture, Blob* blob);
   void Block(const MarkerAperture& aperture);
@@ -118,10 +116,8 @@ class MarkerMeter {
   std::vector<Eigen::Vector3f> unsure_grey_;
   std::vector<float> turns_;         // of a row of pixels
   std::vector<float> share_;         // of the window: coverage, not clipped
-  std::vector<float> colour_share_;  // of the window: the same by colour without white
   Eigen::Matrix2d reach_ = Eigen::Matrix2d::Identity();  // what of the window is filled
   bool has_measured_ = false;
-  bool is_half_white_ = false;          // measured by its colour without white
   std::optional<ColourMosaic> mosaic_;  // of the image
   int mosaic_tries_ = 0;
   std::optional<MarkerAperture> outlined_;  // of the last Measure

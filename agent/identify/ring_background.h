@@ -44,9 +44,6 @@ struct PixelGrid {
   }
 };
 
-// Without white: what is left of grey levels by channel.
-inline Eigen::Vector3f ColourOf(const Eigen::Vector3f& grey) { return grey.array() - grey.mean(); }
-
 // Pixels of a grid side by side.
 struct GridRow {
   size_t number;  // of the first one, in the grid

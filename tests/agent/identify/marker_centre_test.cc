@@ -184,33 +184,6 @@ TEST(MarkerMeter, AHalfCoveredDiscIsLopsided) {
   EXPECT_GT(centre.skewness, 0.03);
 }
 
-// White light from above before a white wall of its mean brightness: the lower half is as bright as
-// the wall, or darker, and another colour than the mixtures of the two.
-TEST(MarkerMeter, AHalfLitDiscIsMeasuredByItsColour) {
-  MarkerMeter meter;
-  const Eigen::Vector2d true_px(31.7, 32.2);
-  const double radius = 9;
-  const DiscImage disc(true_px, radius, 0.25, [](int, int) { return 0; });
-  std::vector<uint8_t> pixels(disc.View().data, disc.View().data + kSize * kSize * 3);
-  for (int y = 0; y < kSize; ++y) {
-    for (int x = 0; x < kSize; ++x) {
-      const double from_px = (Eigen::Vector2d(x, y) - true_px).norm();
-      const double share = std::clamp(radius + 0.5 - from_px, 0.0, 1.0);
-      const double white = 120 - share * (10 + 6 * (y - true_px.y()));
-      for (int k = 0; k < 3; ++k) {
-        uint8_t& grey = pixels[static_cast<size_t>((y * kSize + x) * 3 + k)];
-        grey = static_cast<uint8_t>(std::lround(std::clamp(grey + white, 0.0, 255.0)));
-      }
-    }
-  }
-  ImageView view = disc.View();
-  view.data = pixels.data();
-  MarkerCentre centre;
-  ASSERT_TRUE(meter.Measure(view, disc.blob_, &centre));
-  EXPECT_LT((centre.centre_px - true_px).norm(), 1) << centre.centre_px.transpose();
-  EXPECT_NEAR(centre.radius_px, radius, 1.5);
-}
-
 TEST(MarkerMeter, NothingToMeasure) {
   MarkerMeter meter;
   const DiscImage flat({32, 32}, 8, 0.06, Flat);

@@ -5,7 +5,6 @@
 
 #include <array>
 #include <cmath>
-#include <functional>
 #include <random>
 
 #include "agent/identify/outline_sectors.h"
@@ -34,32 +33,6 @@ OutlinePixels Disc(const Eigen::Vector2d& centre, double from_x, uint32_t seed, 
   }
   pixels.FillUp();
   return pixels;
-}
-
-// Moves the edge of a disc outwards by `of_turn` of the angle from the right, 0 to pi, in pixels.
-void MoveEdge(const std::function<double(double)>& of_turn, double centre_x,
-              OutlinePixels* pixels) {
-  for (size_t i = 0; i < pixels->size(); ++i) {
-    const double x = static_cast<double>(pixels->x[i]) - centre_x;
-    const double y = static_cast<double>(pixels->y[i]) - 50.3;
-    const double inside_px = kRadius - std::hypot(x, y);
-    const double edge = std::exp(-0.5 * inside_px * inside_px / 0.49) / 1.75;
-    pixels->coverage[i] += static_cast<float>(of_turn(std::abs(std::atan2(y, x))) * edge);
-  }
-}
-
-// Moves it in and out around the disc.
-void AddWaves(double waves, double centre_x, OutlinePixels* pixels) {
-  MoveEdge([waves](double turn) { return waves * std::cos(7 * turn); }, centre_x, pixels);
-}
-
-// What is behind the right of a disc, up to `turn`, is saturated.
-void SaturateRight(double turn, double centre_x, OutlinePixels* pixels) {
-  for (size_t i = 0; i < pixels->size(); ++i) {
-    const double x = static_cast<double>(pixels->x[i]) - centre_x;
-    const double y = static_cast<double>(pixels->y[i]) - 50.3;
-    if (std::abs(std::atan2(y, x)) < turn) pixels->saturated_behind[i] = 1;
-  }
 }
 
 // A wand of three equal spheres, all of them whole by their centroids.

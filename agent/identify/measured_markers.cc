@@ -76,7 +76,7 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
   measured.outline.reset();
   measured.moved_px.setZero();
   measured.good = meter_.Measure(image, seen, &measured.centre) &&
-                  measured.centre.contrast_grey >= min_contrast_grey_;
+                  measured.centre.contrast_grey >= kMinContrastGrey;
   if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
   return &measured;
 }

@@ -39,8 +39,6 @@ class MeasuredMarkers {
   // `blob_count`: of the span that is passed from now on. `work`: pixels that may be read
   // (MarkerMeter::WorkOf).
   void StartSearch(size_t blob_count, double work);
-  // What differs less from its surroundings is no marker.
-  void RequireContrast(double grey) { min_contrast_grey_ = grey; }
   double work() const { return work_; }                 // left
   bool is_out_of_work() const { return out_of_work_; }  // something was left out for it
 
@@ -67,7 +65,7 @@ class MeasuredMarkers {
   std::vector<MeasuredMarker> markers_;  // the first count_ are of this image
   size_t count_ = 0;
   std::vector<int> index_of_;  // by blob of this search; -1: not measured
-  double work_ = 0, min_contrast_grey_ = kMinContrastGrey;
+  double work_ = 0;
   bool out_of_work_ = false;
 };
 

@@ -14,7 +14,6 @@ enum class WandMechanism : uint32_t {
   kUnsureBackground,  // pixels in front of a border between two things count less
   kOtherSpheres,      // the size and softness that the others say, of centres
   kPaleLevels,        // colours paler than configured
-  kDimLevel,          // spheres half as bright as configured, of exposures shorter than a blink
 };
 
 // Those that are left out.

@@ -37,9 +37,6 @@ class WandVerifier {
   // Before the first Verify of an image. What was measured of it is not measured again.
   void StartImage() { markers_.StartImage(); }
 
-  // By which markers differ from what is around them, over all channels, from now on.
-  void RequireContrast(double grey) { markers_.RequireContrast(grey); }
-
   // Candidates by their costs; what is clearly worse than a wand that was found is not measured.
   // `in_room`: of a lit room, in which much is as large as a small sphere. `pixels`: that may be
   // read (MarkerMeter::WorkOf), less those that were; what would take more is left out. The wand's

@@ -16,18 +16,12 @@ namespace {
 constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
 // Ranges of colour, and what a marker needs there.
 struct LevelRange {
-  double brighter = 0;                      // from value_min to the brightest
-  double dimmer = 1;                        // of value_min
-  double paler = 1;                         // of saturation_min
-  bool white = false;                       // takes what the sensor has lost the colour of
-  double contrast_grey = kMinContrastGrey;  // over all channels
+  double brighter = 0;  // from value_min to the brightest
+  double paler = 1;     // of saturation_min
+  bool white = false;   // takes what the sensor has lost the colour of
 };
 constexpr LevelRange kLevels[] = {
-    {.white = true},
-    {.brighter = 0.35, .paler = 0.55},
-    {.paler = 0.55},
-    // Noise gives colours to what is dark and grey: no paler than configured.
-    {.dimmer = 0.5, .paler = 1.1, .contrast_grey = 20}};
+    {.white = true}, {.brighter = 0.35, .paler = 0.55}, {.paler = 0.55}};
 constexpr int kLargeAreaPx = 800;
 constexpr double kClearlyLess = 1;  // of a doubt
 constexpr int kPart = 4;            // a piece that much smaller is something in front of the other
@@ -88,7 +82,6 @@ absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options) 
     its.max_runs = std::min(its.max_runs, kMaxRuns);
     its.colour.value_min += static_cast<int>(level.brighter * (255 - its.colour.value_min));
     its.colour.saturation_min = std::min(1.0, level.paler * its.colour.saturation_min);
-    its.colour.value_min = std::max(1, static_cast<int>(level.dimmer * its.colour.value_min));
     if (!level.white) its.colour.washed_out_min = kNeverWashedOut;
     RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(its.colour));
     RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
@@ -96,8 +89,6 @@ absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options) 
   }
   return finder;
 }
-
-double SpotFinder::min_contrast_grey() const { return kLevels[level_].contrast_grey; }
 
 void SpotFinder::SetIgnored(const PixelMask& ignored) {
   for (Level& level : levels_) {
@@ -154,7 +145,7 @@ bool SpotFinder::HasColour(const ImageView& image, const Blob& blob) const {
 void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
   Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
   // A piece of a patch is held to the wand's colour too.
-  const auto contrast = StandsOut(image, blob, min_contrast_grey());
+  const auto contrast = StandsOut(image, blob);
   if (!contrast || !HasColour(image, blob)) return;
   spot.core = contrast->core;
   const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);

@@ -33,9 +33,6 @@ class SpotFinder {
  public:
   // As configured, which takes white; and paler ones, which do not.
   static constexpr size_t kWideLevel = 0, kPaleLevels[] = {1, 2};
-  // Of spheres half as bright as configured: an exposure that is shorter than a blink catches a
-  // part of its light only.
-  static constexpr size_t kDimLevel = 3;
 
   // INVALID_ARGUMENT: options not valid.
   static absl::StatusOr<SpotFinder> Create(const BlobFinderOptions& options);
@@ -58,8 +55,6 @@ class SpotFinder {
   // Of the spots that were left out.
   double least_doubt_left() const { return least_doubt_left_; }
   size_t level() const { return level_; }
-  // By which a marker of that level differs from what is around it, over all channels.
-  double min_contrast_grey() const;
   // Blobs of the last Find, or Look.
   const BlobResult& result() const { return levels_[level_].blobs.result(); }
 

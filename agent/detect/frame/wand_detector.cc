@@ -36,8 +36,7 @@ WandDetector::WandDetector(const WandDetectorOptions& options, const Target& tar
     : options_(options),
       target_(target),
       camera_(camera),
-      search_(options, options.colour.washed_out_min,
-              ShortLightTimeSigma(options.exposure_s, target) > 0, options.without, target, camera,
+      search_(options, options.colour.washed_out_min, options.without, target, camera,
               std::move(spot_finder)),
       short_light_sigma_s_(ShortLightTimeSigma(options.exposure_s, target)),
       light_sigma_s_(std::max(short_light_sigma_s_, LightTimeSigma(options.exposure_s, target))) {}

@@ -27,11 +27,10 @@ constexpr double kALittleWorse = 2;  // what is hardly less likely
 
 }  // namespace
 
-WandSearch::WandSearch(const WandLimits& limits, int washed_out_min, bool may_be_dim,
-                       const WandMechanisms& without, const Target& target,
-                       const CameraDescription& camera, SpotFinder spot_finder)
+WandSearch::WandSearch(const WandLimits& limits, int washed_out_min, const WandMechanisms& without,
+                       const Target& target, const CameraDescription& camera,
+                       SpotFinder spot_finder)
     : washed_out_min_(washed_out_min),
-      may_be_dim_(may_be_dim),
       without_(without),
       wand_finder_({.limits = limits, .max_candidates = kMaxCandidates}, target, camera),
       verifier_(limits.min_confidence, without),
@@ -61,9 +60,6 @@ std::vector<size_t> WandSearch::LevelsFor(const ImageView& image) {
   if ((is_white || IsLit(image)) && !without_.Has(WandMechanism::kPaleLevels)) {
     levels.insert(levels.end(), std::begin(SpotFinder::kPaleLevels),
                   std::end(SpotFinder::kPaleLevels));
-  }
-  if (may_be_dim_ && !without_.Has(WandMechanism::kDimLevel)) {
-    levels.push_back(SpotFinder::kDimLevel);
   }
   if (is_white) levels.push_back(SpotFinder::kWideLevel);
   return levels;
@@ -123,7 +119,6 @@ bool WandSearch::MayHaveRivals(const Verdict& verdict) const {
 Verdict WandSearch::Search(const ImageView& image, const PixelRect& part, size_t level) {
   window_ = part;
   spot_finder_.Find(image, part, level);
-  verifier_.RequireContrast(spot_finder_.min_contrast_grey());
   FindCandidates();
   const double pixels = kPixelsOfLevel * pixels_left_;
   double left = pixels;

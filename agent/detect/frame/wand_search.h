@@ -16,11 +16,9 @@ namespace rigcal::agent {
 // a clock, so that the result is the same on every computer. Movable; one thread at a time.
 class WandSearch {
  public:
-  // Options, target and camera must be valid. `washed_out_min`: see ColourRange. `may_be_dim`: the
-  // exposure may have caught a part of the spheres' light only.
-  WandSearch(const WandLimits& limits, int washed_out_min, bool may_be_dim,
-             const WandMechanisms& without, const Target& target, const CameraDescription& camera,
-             SpotFinder spot_finder);
+  // Options, target and camera must be valid. `washed_out_min`: see ColourRange.
+  WandSearch(const WandLimits& limits, int washed_out_min, const WandMechanisms& without,
+             const Target& target, const CameraDescription& camera, SpotFinder spot_finder);
 
   SpotFinder& spot_finder() { return spot_finder_; }
   const WandFinder& wand_finder() const { return wand_finder_; }
@@ -54,7 +52,6 @@ class WandSearch {
   Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
 
   int washed_out_min_;
-  bool may_be_dim_;
   WandMechanisms without_;
   WandFinder wand_finder_;
   WandVerifier verifier_;

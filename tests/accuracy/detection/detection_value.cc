@@ -32,7 +32,6 @@ const NamedMechanism kMechanisms[] = {
     {"unsure_background", WandMechanism::kUnsureBackground},
     {"other_spheres", WandMechanism::kOtherSpheres},
     {"pale_levels", WandMechanism::kPaleLevels},
-    {"dim_level", WandMechanism::kDimLevel},
 };
 constexpr const char* kBackground = "static_background";
 

@@ -59,7 +59,6 @@ struct MeasuredSphere {
   explicit MeasuredSphere(std::vector<uint8_t> its_pixels) : pixels(std::move(its_pixels)) {
     markers.StartImage();
     markers.StartSearch(1, 1e6);
-    markers.RequireContrast(14);
     const Blob blob = SphereBlob();
     good = markers.Measure(View(), {&blob, 1}, 0)->good;
   }

@@ -101,18 +101,5 @@ TEST(SpotFinder, OfTooManySpotsTheLeastDoubtfulAreKept) {
   EXPECT_GE(finder.least_doubt_left(), most);
 }
 
-// Half as bright as configured.
-TEST(SpotFinder, ADimDiscIsFoundInTheDimLevelOnly) {
-  SpotFinder finder = MustCreate();
-  Picture picture(20);
-  picture.AddDisc(300, 200, 7, {8, 26, 45});
-  for (const size_t level : {size_t{0}, SpotFinder::kPaleLevels[1], SpotFinder::kDimLevel}) {
-    finder.BeginImage();
-    finder.Look(picture.View());
-    finder.Find(picture.View(), picture.View().Bounds(), level);
-    EXPECT_EQ(SpotsAt(finder, 300, 200, 0.5).size(), level == SpotFinder::kDimLevel ? 1u : 0u);
-  }
-}
-
 }  // namespace
 }  // namespace rigcal::agent::spot_finder_test

@@ -89,24 +89,6 @@ TEST(WandDetector, WithoutIntrinsicsTellsTheCentreOfTheImage) {
   }
 }
 
-// An exposure that is shorter than a blink may catch a part of its light only.
-TEST(WandDetector, DimSpheresOfAShortExposureAreFound) {
-  RenderedWand scene;
-  const FrameGroundTruth ground_truth = scene.Render(Standing());
-  for (uint8_t& grey : scene.pixels) grey = static_cast<uint8_t>(grey / 4);
-  for (const double exposure_s : {0.001, 0.005}) {
-    WandDetectorOptions options;
-    options.exposure_s = exposure_s;
-    ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create(options, scene.target, scene.camera));
-    const Detection detection = MustDetect(detector, scene.View());
-    ASSERT_EQ(detection.outcome == DetectionOutcome::kWand, exposure_s < 0.002) << exposure_s;
-    for (size_t k = 0; exposure_s < 0.002 && k < 3; ++k) {
-      const MarkerObservation& marker = detection.observation.markers[k];
-      EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.2) << k;
-    }
-  }
-}
-
 // A dark stick in front of a sphere's rim, and a white thing beside it.
 TEST(WandDetector, ASphereBesideSomethingBrightIsFound) {
   RenderedWand scene;

@@ -22,9 +22,9 @@ constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 // half of the clipped light is further out.
 constexpr double kClippedError = 0.08;
 constexpr double kHiddenError = 0.5;  // radii, per share of the edge that is elsewhere
-// Spheres of one wand that are so near, in widths of the edge, are joined by blur, or overlap in
-// the image. That moves them by so much along the line between them: at least, and of the overlap.
-constexpr double kNearGap = 3, kNearPx = 0.05, kOverlapShare = 0.025;
+// Spheres of one wand that are so near, in widths of the edge, are joined by blur, which moves them
+// along the line between them.
+constexpr double kNearGap = 3, kNearPx = 0.05;
 // Where spheres have much less noise than what is around them, that is textured, and so is the half
 // of an edge's pixels that is background: of the variance of the ring around them.
 constexpr double kLeastEdgeNoise = 0.55;
@@ -32,9 +32,9 @@ constexpr double kPlacePerEdge = 2.0 / kOutlineSectors;  // variances, of all se
 constexpr double kBackgroundError = 0.22;  // widths of an edge, per step behind over the contrast
 constexpr double kNeighbourPx = 0.05;      // of the edge, where something else is near
 constexpr double kBesideError = 0.9;       // of what the background right beside it moved a centre
+constexpr double kCutError = 0.045;        // radii, of an outline that the border cuts
 constexpr double kAloneError = 0.2;        // radii
-// Radii, and pixels: less is known of one that is as good as hidden.
-constexpr double kMostSigma = 0.33, kMostSigmaPx = 2;
+constexpr double kMostSigmaPx = 0.5;       // a centre that is known worse is not delivered
 constexpr double kOddPx = 0.04, kOddError = 0.6;       // of the place, per error of the radius
 constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
 // Of the slopes' variance by noise, over the root of their number.
@@ -196,7 +196,7 @@ class OutlinedCentres {
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
     const double sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace());
-    if (sigma_px > std::min(kMostSigma * outline.radius_px, kMostSigmaPx)) wand_.whole[k] = false;
+    if (sigma_px > kMostSigmaPx) wand_.whole[k] = false;
   }
 
   // With what the others say and with sectors that count as much as their edges are on the outline.
@@ -229,8 +229,9 @@ class OutlinedCentres {
       const Eigen::Vector2d way_px = other.centre_px - own.centre_px;
       const double gap_px = way_px.norm() - own.radius_px - other.radius_px;
       if (j == k || gap_px > kNearGap * edge_px) continue;
-      const double moved_px = std::max(kNearPx, -kOverlapShare * gap_px);
-      own.covariance_px2 += Squared(moved_px) * way_px * way_px.transpose() / way_px.squaredNorm();
+      own.covariance_px2 += Squared(kNearPx) * way_px * way_px.transpose() / way_px.squaredNorm();
+      // The outlines of spheres that overlap are not told apart.
+      if (gap_px < 0) wand_.whole[k] = false;
     }
   }
 

@@ -18,7 +18,7 @@ TEST(VariantWithout, LeavesOutWhatIsNamedAndRefusesWhatIsUnknown) {
   const auto variant = VariantWithout("lambert+static_background");
   ASSERT_THAT(variant, IsOk());
   EXPECT_TRUE(variant->without.Has(agent::WandMechanism::kLambertShading));
-  EXPECT_FALSE(variant->without.Has(agent::WandMechanism::kDimLevel));
+  EXPECT_FALSE(variant->without.Has(agent::WandMechanism::kPaleLevels));
   EXPECT_FALSE(variant->background);
   EXPECT_THAT(VariantWithout("lambert+magic"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("magic")));

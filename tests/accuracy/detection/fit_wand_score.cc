@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "absl/strings/ascii.h"
-#include "agent/detect/frame/background_learner.h"
 #include "agent/detect/frame/wand_detector.h"
 #include "common/status/status_macros.h"
 #include "tests/accuracy/detection/detection_experiments.h"
@@ -28,9 +27,10 @@ namespace {
 
 using agent::WandFeature;
 
-constexpr double kBiasSigma = 2;
-constexpr double kWeightSigma = 1;       // of the prior's weight
-constexpr double kLeastWeightSigma = 1;  // log-odds, of a feature at its most
+// Of the prior: rooms that nobody has rendered are other ones. One sigma of the bias, of a weight
+// as a share of it, and of what a feature costs at its most.
+constexpr double kBiasSigma = 1, kWeightSigma = 0.5, kLeastCostSigma = 1;
+constexpr double kFixed = 1e-6;
 
 struct FitArguments {
   int first_seed = 31, seeds = 2, judged_seeds = 1, threads = 2;
@@ -67,8 +67,12 @@ void AddTrials(const std::vector<agent::WandTrial>& trials, const FrameGroundTru
     if (!trial.refusal.empty()) continue;
     LogisticSample sample = SampleOf(trial.wand);
     sample.is_positive = WorstPx(trial.wand, truth, false) < kFalsePx;
-    // The same spheres the other way round are no rival.
-    if (!sample.is_positive && WorstPx(trial.wand, truth, true) < kFalsePx) continue;
+    // The same spheres the other way round are no rival, nor are other pieces of them.
+    const double same_px = std::max(kFalsePx, trial.wand.centres.front().radius_px);
+    if (!sample.is_positive && (WorstPx(trial.wand, truth, false) < same_px ||
+                                WorstPx(trial.wand, truth, true) < same_px)) {
+      continue;
+    }
     (*samples)[trial.is_lit ? 1 : 0].push_back(std::move(sample));
   }
 }
@@ -81,10 +85,6 @@ absl::StatusOr<Samples> CollectCamera(const RoomWave& wave, int number) {
   options.exposure_s = wave.render.exposure_s;
   RIGCAL_ASSIGN_OR_RETURN(agent::WandDetector detector,
                           agent::WandDetector::Create(options, wave.world->target(), camera));
-  RIGCAL_ASSIGN_OR_RETURN(
-      auto background,
-      agent::BackgroundLearner::Create(options.colour, camera.image_size_px, kBackgroundAfterS));
-  detector.SetBackground(background.background());
   std::vector<uint8_t> pixels(renderer.buffer_size());
   const ImageSize size = camera.image_size_px;
   const agent::ImageView image{pixels.data(), static_cast<int>(size.width),
@@ -93,10 +93,8 @@ absl::StatusOr<Samples> CollectCamera(const RoomWave& wave, int number) {
   Samples samples;
   for (int i = 0; i < wave.world->FrameCount(number); ++i) {
     RIGCAL_ASSIGN_OR_RETURN(const FrameGroundTruth truth, renderer.Render(i, pixels));
-    background.Look(image);
-    RIGCAL_ASSIGN_OR_RETURN(agent::WandExplanation explanation, detector.Explain(image));
-    explanation.detection.observation.time_ns = wave.world->Observe(number, i).time_ns;
-    background.Learn(image, explanation.detection);
+    // As single pictures: what a static background hides would be no sample.
+    RIGCAL_ASSIGN_OR_RETURN(const agent::WandExplanation explanation, detector.Explain(image));
     AddTrials(explanation.trials, truth, &samples);
   }
   return samples;
@@ -141,7 +139,12 @@ LogisticModel Fit(const std::vector<LogisticSample>& samples, const LogisticMode
   for (size_t k = 0; k < agent::kWandFeatureCount; ++k) {
     const auto at = static_cast<Eigen::Index>(k);
     const double most = agent::WeightOf(static_cast<WandFeature>(k)).most;
-    sigmas[at] = std::max(kWeightSigma * prior.weights[at], kLeastWeightSigma / most);
+    // The rendered wands are orange: they do not say what white is worth.
+    if (static_cast<WandFeature>(k) == WandFeature::kWhite) {
+      sigmas[at] = kFixed;
+      continue;
+    }
+    sigmas[at] = std::max(kWeightSigma * prior.weights[at], kLeastCostSigma / most);
   }
   return FitLogistic(samples, prior, sigmas, kBiasSigma);
 }

@@ -15,7 +15,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr std::chrono::seconds kWarnInterval{10};
-constexpr int kFramesOfOtherSpacing = 20;  // before it is said
+constexpr int kFramesOfOtherWand = 20;  // before it is said
 // Of the image: background that is worth a line in the log, and again when it has grown so much.
 constexpr double kWorthALine = 1e-4, kGrown = 2;
 
@@ -69,7 +69,7 @@ absl::Status DetectingObservationSource::Start(const Target& target) {
   reported_background_ = 0;
   exposure_facts_ = {.blink_s = BlinkPeriodS(target)};
   exposure_checked_ = false;
-  other_spacing_frames_ = 0;
+  other_wand_frames_ = 0;
   detection_ = {};
   detections_ = {};
   refused_ = {};
@@ -177,9 +177,18 @@ void DetectingObservationSource::CheckExposure(const Frame& frame) {
 }
 
 // Once in a capture, and never where the wand was seen.
-void DetectingObservationSource::CheckSpacing() {
-  if (detections_.Of(DetectionOutcome::kWand) > 0 || !(detection_.other_middle_share > 0)) return;
-  if (++other_spacing_frames_ != kFramesOfOtherSpacing) return;
+void DetectingObservationSource::CheckWand() {
+  const bool is_other = detection_.other_middle_share > 0 || detection_.other_size_ratio > 0;
+  if (detections_.Of(DetectionOutcome::kWand) > 0 || !is_other) return;
+  if (++other_wand_frames_ != kFramesOfOtherWand) return;
+  if (detection_.other_size_ratio > 0) {
+    spdlog::warn(
+        "camera {}: three like spheres are spaced as the target says, but look {:.2g} times as "
+        "large for their distance as a diameter of {} m does. Check diameter= and the positions "
+        "of --target (metres)",
+        description().camera, detection_.other_size_ratio, target_.diameter_m);
+    return;
+  }
   const std::vector<double>& told_m = target_.marker_positions_m;
   const double told = told_m[1] / told_m.back();
   spdlog::warn(
@@ -190,7 +199,7 @@ void DetectingObservationSource::CheckSpacing() {
 
 void DetectingObservationSource::Note(const Frame& frame) {
   detections_.Add(detection_.outcome);
-  CheckSpacing();
+  CheckWand();
   const auto example = [&](std::string_view what) {
     return absl::StrCat("frame at ", frame.time_ns, " ns: ", std::string(what));
   };

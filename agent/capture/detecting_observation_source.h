@@ -83,7 +83,7 @@ class DetectingObservationSource : public ObservationSource {
   bool LearnsMask(const Frame& frame);
   void NoteBackground(const Frame& frame);
   void CheckExposure(const Frame& frame);
-  void CheckSpacing();
+  void CheckWand();
   void Note(const Frame& frame);
   void Warn(RefusalReason reason, const std::string& what);
 
@@ -101,7 +101,7 @@ class DetectingObservationSource : public ObservationSource {
   ExposureFacts exposure_facts_;
   std::optional<int64_t> learn_until_ns_;
   bool exposure_checked_ = false;
-  int other_spacing_frames_ = 0;  // Detection::other_middle_share
+  int other_wand_frames_ = 0;  // that show another wand than the target
   Detection detection_;
   DetectionCounts detections_;
   RefusalCounter refused_;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -66,12 +67,12 @@ ImageView ViewOf(const cv::Mat& image) {
           .format = image.channels() == 1 ? PixelFormat::kMono8 : PixelFormat::kBgr8};
 }
 
-absl::StatusOr<cv::Mat> AsEightBit(const cv::Mat& image) {
+absl::StatusOr<cv::Mat> AsEightBit(const cv::Mat& image, int bits) {
   if (image.empty()) return absl::InvalidArgumentError("the image has no pixels");
   if (image.type() == CV_8UC1 || image.type() == CV_8UC3) return image;
   cv::Mat eight_bit = image;
   if (image.depth() == CV_16U) {
-    image.convertTo(eight_bit, CV_8U, 1.0 / 257);
+    image.convertTo(eight_bit, CV_8U, 255.0 / ((1 << bits) - 1));
   } else if (image.depth() != CV_8U) {
     return absl::InvalidArgumentError("its pixels have neither 8 nor 16 bits");
   }
@@ -86,7 +87,7 @@ bool IsImageName(std::string_view name) {
                      [&](const char* ending) { return absl::EndsWith(lower, ending); });
 }
 
-absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
+absl::StatusOr<cv::Mat> ReadImage(const std::string& path, int bits, int* used_bits) {
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<uchar> bytes, ReadBytes(path));
   if (IsTruncatedJpeg(bytes) || IsTruncatedBmp(bytes)) {
     return absl::DataLossError(absl::StrCat(path, " is cut short"));
@@ -100,7 +101,12 @@ absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
   if (decoded.empty()) {
     return absl::DataLossError(absl::StrCat(path, " is truncated, damaged or not an image"));
   }
-  absl::StatusOr<cv::Mat> image = AsEightBit(decoded);
+  if (used_bits != nullptr) {
+    double brightest = 0;
+    if (decoded.depth() == CV_16U) cv::minMaxLoc(decoded.reshape(1), nullptr, &brightest);
+    *used_bits = std::max(8, static_cast<int>(std::bit_width(static_cast<unsigned>(brightest))));
+  }
+  absl::StatusOr<cv::Mat> image = AsEightBit(decoded, bits);
   if (image.ok()) return image;
   return absl::DataLossError(absl::StrCat(path, ": ", std::string(image.status().message())));
 }

@@ -28,8 +28,8 @@ struct Detection {
   // Of the pixels, 0 to 1: those that do not move and are ignored (BackgroundLearner).
   double background_share = 0;
   // Without a wand: three like spheres are in line, but the middle one is not where the target says
-  // (OtherSpacing). 0: no such three.
-  double other_middle_share = 0;
+  // (OtherWand). 0: no such three. Likewise, the size of three that are spaced as it says.
+  double other_middle_share = 0, other_size_ratio = 0;
 };
 
 }  // namespace rigcal::agent

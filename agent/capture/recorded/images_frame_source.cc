@@ -101,13 +101,20 @@ absl::Status ImagesFrameSource::AssignTimes() {
 absl::Status ImagesFrameSource::DescribeCamera() {
   absl::Status last = absl::OkStatus();
   for (size_t i = 0; i < std::min(images_.size(), kImagesRead); ++i) {
-    const absl::StatusOr<cv::Mat> image = ReadImage(images_[i].path);
+    int used_bits = 0;
+    const absl::StatusOr<cv::Mat> image = ReadImage(images_[i].path, options_.bits, &used_bits);
     if (!image.ok()) {
       last = image.status();
       continue;
     }
     auto described = DescribeRecordedFrames("images", options_, image->size(), images_[i].path);
     if (described.ok()) {
+      if (used_bits > 8 && used_bits < options_.bits - 1) {
+        spdlog::warn(
+            "camera {}: the brightest pixel of {} has {} of {} bits, so it looks dark. If the "
+            "camera has {} bits, add bits={}",
+            options_.camera, images_[i].path, used_bits, options_.bits, used_bits, used_bits);
+      }
       description_ = *std::move(described);
       return absl::OkStatus();
     }
@@ -139,7 +146,7 @@ absl::StatusOr<std::optional<Frame>> ImagesFrameSource::Next() {
       continue;
     }
     if (!pacer_.Wait(*timed.time_ns)) break;
-    absl::StatusOr<cv::Mat> image = ReadImage(timed.path);
+    absl::StatusOr<cv::Mat> image = ReadImage(timed.path, options_.bits);
     if (!image.ok()) {
       Refuse(RefusalReason::kFrameUnreadable, std::string(image.status().message()));
       continue;

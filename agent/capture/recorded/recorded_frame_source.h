@@ -24,6 +24,7 @@ struct RecordedFramesOptions : RecordingOptions {
   double fps = 0;               // frame i is at i / fps; 0: the recording has times
   double exposure_s = 0;        // of every frame; 0: not known
   StampMoment stamps = StampMoment::kMiddle;
+  int bits = 16;  // that the camera has, of pixels with room for 16
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;

@@ -31,6 +31,8 @@ void AddOptions(RecordedFramesOptions* options, OptionTable* table) {
   table->Add("fps", &options->fps, {kAboveZero, 1e6, "Hz"},
              "frame rate, if the recording has no times");
   table->Add("exposure", &options->exposure_s, {0, 10, "s"}, "of every frame; 0: not known");
+  table->Add("bits", &options->bits, {8, 16},
+             "of a pixel where a file has room for 16: 12 for a camera of 12 bits");
   AddStamps(&options->stamps, table);
 }
 

@@ -102,7 +102,7 @@ absl::StatusOr<bool> VideoFrameSource::Read() {
                                             " cannot be read on: ", error.err));
   }
   ++read_;
-  RIGCAL_ASSIGN_OR_RETURN(image_, AsEightBit(decoded_));
+  RIGCAL_ASSIGN_OR_RETURN(image_, AsEightBit(decoded_, options_.bits));
   return true;
 }
 

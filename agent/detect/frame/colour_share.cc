@@ -20,10 +20,12 @@ bool IsMostlyWhite(double passed, double white) { return white > 0.5 * passed; }
 
 std::string WhatToDo(double passed, double white, const ExposureFacts& facts) {
   if (IsMostlyWhite(passed, white)) {
-    return "Learn a mask (rigcal-agent mask), or " + ShorterExposureText(facts);
+    return "Wait: what stands still is ignored after a few seconds. Or " +
+           ShorterExposureText(facts);
   }
-  return "Learn the colour (rigcal-agent tune) and a mask (rigcal-agent mask), dim the room, or "
-         "take a wand of another colour";
+  return "Wait: what stands still is ignored after a few seconds. Or learn the colour "
+         "(rigcal-agent "
+         "tune), dim the room, or take a wand of another colour";
 }
 
 }  // namespace

@@ -19,6 +19,7 @@ constexpr double kOffLine = 0.25;      // of a radius
 constexpr double kLeastApart = 2.5;    // radii
 // By tilt the middle one moves by a quarter of what the distances differ.
 constexpr double kOtherShare = 0.045;
+constexpr double kSmaller = 0.75, kLarger = 1.6;  // spheres, than told; by a tilt of 50 degrees
 
 struct Disc {
   int spot;
@@ -26,12 +27,21 @@ struct Disc {
   double radius;         // there
 };
 
+// Spheres of another diameter. A wand that is tilted looks shorter, so that its spheres look
+// larger.
+double SizeRatio(const WandFinder& finder, const Disc& first, const Disc& middle,
+                 const Disc& last) {
+  const double told = 0.5 * finder.fit_options().diameter_m / finder.length_m();
+  if (!(told > 0)) return 0;
+  const double seen = (first.radius + middle.radius + last.radius) / 3;
+  const double ratio = seen / (told * (last.flat - first.flat).norm());
+  return ratio < kSmaller || ratio > kLarger ? ratio : 0;
+}
+
 }  // namespace
 
-std::optional<double> OtherSpacing(absl::Span<const Spot> spots, const WandFinder& finder) {
-  if (finder.shares().size() != 3 || spots.size() < 3 || spots.size() > kMostSpots) {
-    return std::nullopt;
-  }
+OtherWand FindOtherWand(absl::Span<const Spot> spots, const WandFinder& finder) {
+  if (finder.shares().size() != 3 || spots.size() < 3 || spots.size() > kMostSpots) return {};
   const double told = std::min(finder.shares()[1], 1 - finder.shares()[1]);
   std::vector<Disc> discs;
   for (size_t i = 0; i < spots.size(); ++i) {
@@ -41,7 +51,8 @@ std::optional<double> OtherSpacing(absl::Span<const Spot> spots, const WandFinde
     discs.push_back(
         {static_cast<int>(i), sight.ray.hnormalized(), radius_px / sight.scale_px / sight.ray.z()});
   }
-  std::optional<double> found;
+  OtherWand found;
+  bool has_found = false;
   for (size_t first = 0; first < discs.size(); ++first) {
     for (size_t last = first + 1; last < discs.size(); ++last) {
       const Eigen::Vector2d line = discs[last].flat - discs[first].flat;
@@ -59,8 +70,13 @@ std::optional<double> OtherSpacing(absl::Span<const Spot> spots, const WandFinde
         const WandCandidate three{
             .blobs = {discs[first].spot, discs[middle].spot, discs[last].spot}, .fit = {}};
         if (Unlikeness(spots, three) > kMostUnlikeness) continue;
-        if (found || std::abs(nearer - told) < kOtherShare) return std::nullopt;
-        found = nearer;
+        if (has_found) return {};
+        has_found = true;
+        if (std::abs(nearer - told) >= kOtherShare) {
+          found.middle_share = nearer;
+        } else {
+          found.size_ratio = SizeRatio(finder, discs[first], discs[middle], discs[last]);
+        }
       }
     }
   }

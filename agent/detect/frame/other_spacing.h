@@ -1,18 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
-
 #include "absl/types/span.h"
 #include "agent/detect/frame/spot_finder.h"
 #include "agent/identify/wand_finder.h"
 
 namespace rigcal::agent {
 
-// Whether spots in which the target was not found show a wand of another spacing: three that are
-// alike in size, brightness and colour, and in line. Where the middle one is between the others,
-// 0 to 0.5 of their distance; none where there are no such three, more than three, or they are
-// spaced as the target says. Of targets of three markers.
-std::optional<double> OtherSpacing(absl::Span<const Spot> spots, const WandFinder& finder);
+// How the wand in the picture differs from the one that the target describes.
+struct OtherWand {
+  // Where the middle sphere is between the others, 0 to 0.5 of their distance; 0: as the target
+  // says.
+  double middle_share = 0;
+  // How large the spheres look for their distance, over what the target's diameter says; 0: as that
+  // says, or the target has none.
+  double size_ratio = 0;
+};
+
+// Looks for another wand among spots in which the target was not found: three that are alike in
+// size, brightness and colour, and in line. Nothing differs where there are no such three, or more
+// than three. Of targets of three markers.
+OtherWand FindOtherWand(absl::Span<const Spot> spots, const WandFinder& finder);
 
 }  // namespace rigcal::agent

@@ -140,8 +140,9 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
     Follow(*wand, &detection);
   } else {
     track_.Forget();
-    detection.other_middle_share =
-        OtherSpacing(search_.spot_finder().spots(), search_.wand_finder()).value_or(0);
+    const OtherWand other = FindOtherWand(search_.spot_finder().spots(), search_.wand_finder());
+    detection.other_middle_share = other.middle_share;
+    detection.other_size_ratio = other.size_ratio;
   }
   return detection;
 }

@@ -43,5 +43,22 @@ TEST(OtherSpacing, IsNotThatOfOneSphereOfAPairOrOfAWandPartlySeen) {
   EXPECT_EQ(Detected(&scene, 0.16).other_middle_share, 0);
 }
 
+TEST(OtherSpacing, SpheresOfAnotherDiameterAreNamedByTheirRatio) {
+  RenderedWand scene;
+  scene.Render(RenderedWand::Wand({-0.25, 0.1, 1.2}, {1, 0.2, 0}));
+  for (const double ratio : {0.4, 2.5}) {
+    Target told = scene.target;
+    ASSERT_GT(told.diameter_m, 0);
+    told.diameter_m /= ratio;
+    auto detector = WandDetector::Create({}, told, scene.camera);
+    ASSERT_THAT(detector, ::rigcal::testing::IsOk());
+    const auto detection = detector->Detect(scene.View(), 1, 0);
+    ASSERT_THAT(detection, ::rigcal::testing::IsOk());
+    ASSERT_NE(detection->outcome, DetectionOutcome::kWand) << ratio;
+    EXPECT_NEAR(detection->other_size_ratio, ratio, 0.15 * ratio);
+    EXPECT_EQ(detection->other_middle_share, 0);
+  }
+}
+
 }  // namespace
 }  // namespace rigcal::agent::other_spacing_test

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -200,25 +201,58 @@ TEST_F(AgentCommands, TuneLearnsARangeThatFindsTheWand) {
   EXPECT_EQ(json::parse(result.output)["detection_rate"], 1.0);
 }
 
-TEST_F(AgentCommands, MaskHidesStationaryPixels) {
-  // A folder in which only the wand of the last images moves.
-  const fs::path still = Path("still");
-  fs::create_directory(still);
+TEST_F(AgentCommands, MaskHidesWhatStandsStillAndNeverTheWand) {
   std::vector<fs::path> pictures;
   for (const auto& entry : fs::directory_iterator(folder())) pictures.push_back(entry.path());
-  for (int i = 0; i < 4; ++i) {
-    fs::copy_file(pictures[0], still / ("000000000" + std::to_string(i) + "0000000.png"));
-  }
-  const std::string mask = Path("mask.png").string();
-  const CommandResult learnt =
-      RunCommand({"rigcal-agent", "mask", still.string(), "--output", mask, "-o", "json"});
+  const auto learn = [&](const std::string& name, const cv::Mat& picture) {
+    fs::create_directory(Path(name));
+    for (int i = 0; i < 4; ++i) {
+      cv::imwrite((Path(name) / ("000000000" + std::to_string(i) + "0000000.png")).string(),
+                  picture);
+    }
+    return RunCommand({"rigcal-agent", "mask", Path(name).string(), "--output",
+                       Path(name + ".png").string(), "-o", "json"});
+  };
+  cv::Mat lamp(1024, 1280, CV_8UC3, cv::Scalar(0, 0, 0));
+  cv::circle(lamp, {300, 200}, 20, {0, 140, 255}, cv::FILLED);
+  const CommandResult learnt = learn("lamp", lamp);
   ASSERT_EQ(learnt.exit_code, 0) << learnt.error;
   EXPECT_EQ(json::parse(learnt.output)["pictures"], 4);
   EXPECT_GT(json::parse(learnt.output)["ignored_pixels"], 100);
-  const CommandResult hidden = RunCommand({"rigcal-agent", "detect", still.string(), "--target",
-                                           kTarget, "--set", "mask=" + mask, "-o", "json"});
-  ASSERT_EQ(hidden.exit_code, 0) << hidden.error;
-  EXPECT_EQ(json::parse(hidden.output)["outcomes"]["wand"], 0);
+  EXPECT_TRUE(fs::exists(Path("lamp.png")));
+  // A wand that rests in front of the camera.
+  const CommandResult refused = learn("wand", cv::imread(pictures[0].string()));
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.error, AllOf(HasSubstr("the wand was seen in 4 of 4 frames"),
+                                   HasSubstr("Take the wand out")));
+  EXPECT_FALSE(fs::exists(Path("wand.png")));
+}
+
+TEST_F(AgentCommands, DetectExplainsWhatSpeaksForAndAgainst) {
+  std::vector<fs::path> pictures;
+  for (const auto& entry : fs::directory_iterator(folder())) pictures.push_back(entry.path());
+  const CommandResult wand = RunCommand(
+      {"rigcal-agent", "detect", pictures[0].string(), "--target", kTarget, "--explain"});
+  ASSERT_EQ(wand.exit_code, 0) << wand.error;
+  EXPECT_THAT(wand.output, AllOf(HasSubstr("picture 1: wand, confidence"), HasSubstr("a wand\n"),
+                                 HasSubstr("pose"), HasSubstr("log-odds")));
+  // Squares are as alike and as well in line, and their outlines are not those of spheres.
+  cv::Mat squares(1024, 1280, CV_8UC3, cv::Scalar(0, 0, 0));
+  for (const int x : {500, 560, 680}) {
+    cv::rectangle(squares, cv::Rect(x - 9, 491, 18, 18), {0, 140, 255}, cv::FILLED);
+  }
+  cv::imwrite(Path("squares.png").string(), squares);
+  const CommandResult none = RunCommand({"rigcal-agent", "detect", Path("squares.png").string(),
+                                         "--target", kTarget, "--explain", "-o", "json"});
+  ASSERT_EQ(none.exit_code, 0) << none.error;
+  const json explained = json::parse(none.output);
+  EXPECT_NE(explained["outcome"], "wand");
+  EXPECT_EQ(explained["blobs"], 3);
+  EXPECT_GT(explained["candidates"].size() + explained["refused"].size(), 0u);
+  const CommandResult twice =
+      RunCommand({"rigcal-agent", "detect", pictures[0].string(), "--target", kTarget, "--explain",
+                  "--annotate", Path("a.png").string()});
+  EXPECT_EQ(twice.exit_code, 2);
 }
 
 TEST_F(AgentCommands, ReportErrorsAndExitWithOneOrTwo) {

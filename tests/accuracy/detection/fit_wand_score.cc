@@ -139,8 +139,10 @@ LogisticModel Fit(const std::vector<LogisticSample>& samples, const LogisticMode
   for (size_t k = 0; k < agent::kWandFeatureCount; ++k) {
     const auto at = static_cast<Eigen::Index>(k);
     const double most = agent::WeightOf(static_cast<WandFeature>(k)).most;
-    // The rendered wands are orange: they do not say what white is worth.
-    if (static_cast<WandFeature>(k) == WandFeature::kWhite) {
+    // The rendered wands are orange, and no room is full of squares: they do not say what white and
+    // corners are worth.
+    const auto feature = static_cast<WandFeature>(k);
+    if (feature == WandFeature::kWhite || feature == WandFeature::kCorners) {
       sigmas[at] = kFixed;
       continue;
     }
@@ -204,7 +206,10 @@ int RunFit(const FitArguments& arguments) {
   std::array<LogisticModel, 2> models;
   for (size_t light = 0; light < models.size(); ++light) {
     const LogisticModel today = TodaysModel(light == 1);
-    models[light] = Fit((*training)[light], today);
+    // Wands alone say nothing about what is none.
+    const bool has_others = std::ranges::any_of(
+        (*training)[light], [](const LogisticSample& sample) { return !sample.is_positive; });
+    models[light] = has_others ? Fit((*training)[light], today) : today;
     fmt::print("{}\n", light == 1 ? "lit rooms" : "dark rooms");
     PrintJudgement("training seeds, today", (*training)[light], today);
     PrintJudgement("training seeds, fitted", (*training)[light], models[light]);

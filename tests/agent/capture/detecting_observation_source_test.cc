@@ -174,7 +174,7 @@ TEST(DetectingObservationSource, WarnsOfAPictureThatIsAllOfTheWandsColour) {
   const auto source = Make(std::make_unique<ScriptedFrames>(std::vector<cv::Mat>{orange}));
   EXPECT_EQ(Drain(*source).size(), 1u);
   EXPECT_THAT(log.text(), AllOf(HasSubstr("camera left"), HasSubstr("100 % of the picture"),
-                                HasSubstr("rigcal-agent mask")));
+                                HasSubstr("what stands still is ignored")));
 }
 
 TEST(DetectingObservationSource, WarnsOnceOfAnExposureShorterThanABlink) {

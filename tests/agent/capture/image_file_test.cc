@@ -48,6 +48,23 @@ TEST_F(ReadImageTest, KeepsGreyGreyAndTakesTheUpperEightOfSixteenBits) {
   EXPECT_EQ(sixteen.at<uchar>(1, 1), 200);
 }
 
+TEST_F(ReadImageTest, TakesTheUpperEightOfTheBitsThatTheCameraHas) {
+  cv::Mat twelve(4, 5, CV_16UC1, cv::Scalar(100));
+  twelve.at<uint16_t>(1, 1) = 4095;
+  twelve.at<uint16_t>(2, 2) = 2048;
+  const std::string path = WriteImage(Path("twelve.png"), twelve);
+  int used_bits = 0;
+  ASSERT_OK_AND_ASSIGN(const cv::Mat dark, ReadImage(path, 16, &used_bits));
+  EXPECT_EQ(used_bits, 12);
+  EXPECT_LT(dark.at<uchar>(1, 1), 17);
+  ASSERT_OK_AND_ASSIGN(const cv::Mat image, ReadImage(path, 12));
+  EXPECT_EQ(image.at<uchar>(1, 1), 255);
+  EXPECT_EQ(image.at<uchar>(2, 2), 128);
+  // Brighter than the camera can be.
+  ASSERT_OK_AND_ASSIGN(const cv::Mat ten, ReadImage(path, 10));
+  EXPECT_EQ(ten.at<uchar>(2, 2), 255);
+}
+
 TEST_F(ReadImageTest, LeavesAlphaOut) {
   const std::string path =
       WriteImage(Path("a.png"), cv::Mat(4, 5, CV_8UC4, cv::Scalar(1, 2, 3, 4)));

@@ -61,7 +61,7 @@ TEST(FormatReport, SaysWhatFillsThePictureAndWhatToDo) {
   report.white_share = 0.3;
   EXPECT_THAT(FormatReport(report),
               AllOf(HasSubstr("38 % of the picture passes the colour test, 30 % are white"),
-                    HasSubstr("windows"), HasSubstr("rigcal-agent mask"), HasSubstr("exposure")));
+                    HasSubstr("windows"), HasSubstr("what stands still is ignored"), HasSubstr("exposure")));
   report.white_share = 0;
   report.cut_short = 2;
   EXPECT_THAT(FormatReport(report), AllOf(HasSubstr("of the wand's colour"), HasSubstr("tune"),

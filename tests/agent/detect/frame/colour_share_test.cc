@@ -25,7 +25,7 @@ TEST(CrowdedText, NamesSharesAndTheExposureToSet) {
   EXPECT_THAT(
       CrowdedText(0.38, 0.3, {.exposure_s = 0.008, .blink_s = 0.002}),
       AllOf(HasSubstr("38 % of the picture passes the colour test, 30 % are white"),
-            HasSubstr("rigcal-agent mask"), HasSubstr("shorten the exposure from 8 to 2 ms")));
+            HasSubstr("what stands still is ignored"), HasSubstr("shorten the exposure from 8 to 2 ms")));
   EXPECT_THAT(CrowdedText(0.38, 0, {.exposure_s = 0.008}),
               AllOf(HasSubstr("surfaces of the wand's colour"), Not(HasSubstr("exposure"))));
 }

@@ -21,7 +21,8 @@ namespace {
 
 constexpr size_t kLeastCornersOfView = 6;
 constexpr size_t kFolds = 5;
-constexpr double kAsGood = 1.02;  // of the least held-out error: the simpler model wins
+constexpr double kAsGood = 1.02;     // of the least held-out error: the simpler model wins ...
+constexpr double kSystematic = 2.5;  // ... unless its views are worse by so many standard errors
 
 // Cauchy's losses of the first solve, from far to near.
 constexpr double kWideLossPx = 20;
@@ -168,9 +169,11 @@ ViewSubset Subset(const std::vector<BoardView>& views, const LensEstimate& estim
   return subset;
 }
 
-double HeldOutRms(const std::vector<BoardView>& views, const LensEstimate& estimate) {
+// Errors of each view with a lens that was solved without it.
+std::vector<std::vector<double>> HeldOutErrors(const std::vector<BoardView>& views,
+                                               const LensEstimate& estimate) {
   const size_t folds = std::min(kFolds, views.size());
-  std::vector<double> errors;
+  std::vector<std::vector<double>> errors(views.size());
   for (size_t fold = 0; fold < folds; ++fold) {
     const ViewSubset training =
         Subset(views, estimate, [&](size_t i) { return i % folds != fold; });
@@ -180,10 +183,33 @@ double HeldOutRms(const std::vector<BoardView>& views, const LensEstimate& estim
     LensAdjustmentOptions options;
     options.fix_intrinsics = true;
     const LensAdjustment placed = AdjustLens(held_out.views, held_out.estimate, options);
-    const auto of_fold = ErrorsOf(held_out.views, placed.estimate);
-    errors.insert(errors.end(), of_fold.begin(), of_fold.end());
+    for (size_t k = 0; k < held_out.views.size(); ++k) {
+      errors[fold + k * folds] = CornerErrors(held_out.views[k], placed.estimate.intrinsics,
+                                              placed.estimate.cam_from_board[k]);
+    }
   }
-  return RmsOf(errors);
+  return errors;
+}
+
+double RmsOfAll(const std::vector<std::vector<double>>& errors) {
+  std::vector<double> all;
+  for (const auto& of_view : errors) all.insert(all.end(), of_view.begin(), of_view.end());
+  return RmsOf(all);
+}
+
+// View by view, `a` is further off than `b`.
+bool IsWorse(const std::vector<std::vector<double>>& a, const std::vector<std::vector<double>>& b) {
+  const double count = static_cast<double>(a.size());
+  double sum = 0, squares = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    const double rms_a = RmsOf(a[i]), rms_b = RmsOf(b[i]);
+    const double difference = rms_a * rms_a - rms_b * rms_b;
+    sum += difference;
+    squares += difference * difference;
+  }
+  const double mean = sum / count;
+  const double variance = std::max(0.0, squares / count - mean * mean) / (count - 1);
+  return mean > kSystematic * std::sqrt(variance);
 }
 
 std::optional<LensDifference> CompareHalves(const std::vector<BoardView>& views,
@@ -340,19 +366,26 @@ absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
 
   LensSolution solution;
   std::vector<LensAdjustment> adjusted;
+  std::vector<std::vector<std::vector<double>>> held_out;  // by model and view
   for (const LensEstimate& estimate : estimates) {
     adjusted.push_back(AdjustLens(good, used.Of(estimate)));
     const LensEstimate& fitted = adjusted.back().estimate;
+    held_out.push_back(HeldOutErrors(good, fitted));
     solution.candidates.push_back({.model = estimate.model,
                                    .rms_px = RmsOf(ErrorsOf(good, fitted)),
-                                   .held_out_rms_px = HeldOutRms(good, fitted)});
+                                   .held_out_rms_px = RmsOfAll(held_out.back())});
   }
-  double least = std::numeric_limits<double>::infinity();
-  for (const LensCandidate& candidate : solution.candidates) {
-    least = std::min(least, candidate.held_out_rms_px);
-  }
+  const auto least = std::min_element(solution.candidates.begin(), solution.candidates.end(),
+                                      [](const LensCandidate& a, const LensCandidate& b) {
+                                        return a.held_out_rms_px < b.held_out_rms_px;
+                                      });
+  const auto least_index = static_cast<size_t>(least - solution.candidates.begin());
   size_t chosen = 0;
-  while (solution.candidates[chosen].held_out_rms_px > kAsGood * least) ++chosen;
+  while (chosen < least_index &&
+         (solution.candidates[chosen].held_out_rms_px > kAsGood * least->held_out_rms_px ||
+          IsWorse(held_out[chosen], held_out[least_index]))) {
+    ++chosen;
+  }
 
   const LensAdjustment& result = adjusted[chosen];
   solution.model = result.estimate.model;

@@ -40,7 +40,7 @@ TEST(SolveLens, FindsPinholeAndFisheyeByItself) {
     EXPECT_EQ(solved->intrinsics.model, lens.model) << LensModelName(solved->model);
     const auto difference = CompareLenses(lens, solved->intrinsics, kKnownImage);
     ASSERT_THAT(difference, IsOk());
-    EXPECT_LT(difference->p95_px, 0.1);
+    EXPECT_LT(difference->p95_px, 0.1) << LensModelName(solved->model);
     EXPECT_NEAR(solved->rms_px, kNoisePx * std::sqrt(2.0), 0.01);
     EXPECT_GE(solved->held_out_rms_px, solved->rms_px);
     EXPECT_LT(solved->held_out_rms_px, 1.1 * solved->rms_px);

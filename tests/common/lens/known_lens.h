@@ -50,18 +50,19 @@ inline RigidTransform BoardAt(const Board& board, const Intrinsics& lens,
   return pose;
 }
 
-// Boards all over the image, near and far, tilted by up to `most_tilt_rad` to every side.
+// Boards whose middles are all over `reach` of the image's width and height, near and far, tilted
+// by half to all of `most_tilt_rad` to every side.
 inline std::vector<RigidTransform> WavedBoard(const Board& board, const Intrinsics& lens,
                                               const ImageSize& image, int count, double nearest_m,
                                               double farthest_m, double most_tilt_rad,
-                                              uint32_t seed) {
+                                              uint32_t seed, double reach = 0.57) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(0, 1);
   std::vector<RigidTransform> poses;
   for (int i = 0; i < count; ++i) {
-    const double column = (i % 4 + 0.5) / 4, row = (i / 4 % 3 + 0.5) / 3;
-    const Eigen::Vector2d pixel(image.width * (0.12 + 0.76 * column),
-                                image.height * (0.12 + 0.76 * row));
+    const double column = (i % 4) / 3.0 - 0.5, row = (i / 4 % 3) / 2.0 - 0.5;
+    const Eigen::Vector2d pixel(image.width * (0.5 + reach * column),
+                                image.height * (0.5 + reach * row));
     const double towards = 2 * 3.14159265358979 * unit(random);
     const double tilt = most_tilt_rad * (0.5 + 0.5 * unit(random));
     poses.push_back(BoardAt(

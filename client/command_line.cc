@@ -10,6 +10,7 @@ namespace rigcal::client {
 ExitCode RunCommandLine(const std::vector<std::string>& arguments, Console& console) {
   CommandParser parser(console);
   AddLocalCommand(parser);
+  AddBoardCommands(parser);
   AddSessionCommands(parser);
   AddCameraCommands(parser);
   AddWatchCommand(parser);

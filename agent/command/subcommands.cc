@@ -26,6 +26,7 @@ void Subcommands::AddTo(CLI::App& app) {
   app.require_subcommand(0, 1);
   AddJoinCommand(app, this);
   AddSourcesCommand(app, this);
+  AddIntrinsicsCommand(app, this);
   AddDetectCommand(app, this);
   AddTuneCommand(app, this);
   AddMaskCommand(app, this);

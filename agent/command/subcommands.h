@@ -60,6 +60,7 @@ CLI::Option* AddOutputOption(CLI::App& command, std::string* path, bool* force,
 void AddConvertCommand(CLI::App& app, Subcommands* all);
 void AddDetectCommand(CLI::App& app, Subcommands* all);
 void AddInfoCommand(CLI::App& app, Subcommands* all);
+void AddIntrinsicsCommand(CLI::App& app, Subcommands* all);
 void AddJoinCommand(CLI::App& app, Subcommands* all);
 void AddMaskCommand(CLI::App& app, Subcommands* all);
 void AddSimulateCommand(CLI::App& app, Subcommands* all);

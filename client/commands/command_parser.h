@@ -54,6 +54,7 @@ class CommandParser {
 };
 
 // Each file of commands adds its own.
+void AddBoardCommands(CommandParser& parser);
 void AddSessionCommands(CommandParser& parser);
 void AddCameraCommands(CommandParser& parser);
 void AddCalibrationCommands(CommandParser& parser);

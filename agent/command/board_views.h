@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "agent/capture/frame_source.h"
+#include "common/board/board.h"
+#include "common/lens/board_view.h"
+
+namespace rigcal::agent {
+
+struct BoardViewsOptions {
+  int views = 0;  // enough; 0: as many as there are
+  // Of a camera or video that shows the same for long: views are taken only where a corner has
+  // moved by 4 % of the image since every other view, and edges are about as sharp as elsewhere.
+  bool only_different = false;
+};
+
+// What was seen of a board in the pictures of one camera.
+struct BoardViews {
+  ImageSize image_size_px;
+  std::string camera;
+  int pictures = 0;    // looked at
+  int with_board = 0;  // of them
+  int alike = 0;       // with a board, but as another one that was taken
+  int blurred = 0;     // with a board, but not sharp
+  std::vector<BoardView> views;
+};
+
+// Searches the pictures of a source for the board until there are enough views, or no more
+// pictures, or 200 pictures of a source without end have shown none. `taken` is called after each
+// view. FAILED_PRECONDITION: there were no pictures, or none shows the board; where boards with
+// other counts are found instead, they are named. Other errors are those of the source.
+absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardViewsOptions& options,
+                                             FrameSource* frames,
+                                             const std::function<void(const BoardViews&)>& taken);
+
+}  // namespace rigcal::agent

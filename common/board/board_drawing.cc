@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/board/board_drawing.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace rigcal {
+namespace {
+
+constexpr double kRulerMm = 100;
+constexpr double kRulerTickMm = 10;
+constexpr double kTextHeightMm = 4;
+constexpr double kFooterMm = 20;  // ruler and text
+constexpr double kLeastMarginMm = 10;
+
+// Nearest neighbours, by how much of their distance the diameter is. Large circles have more edge
+// to measure, but their ellipse's centre is further from the image of the centre.
+constexpr double kCircleShare = 0.55;
+constexpr double kDiagonal = 1.4142135623730951;
+
+struct Paper {
+  const char* name;
+  double short_mm;
+  double long_mm;
+};
+constexpr Paper kPapers[] = {
+    {"A4", 210, 297}, {"A3", 297, 420}, {"A2", 420, 594}, {"A1", 594, 841}, {"A0", 841, 1189}};
+
+std::string PaperFor(const BoardSheet& sheet) {
+  const double longer = std::max(sheet.width_mm, sheet.height_mm);
+  const double shorter = std::min(sheet.width_mm, sheet.height_mm);
+  for (const Paper& paper : kPapers) {
+    if (shorter <= paper.short_mm && longer <= paper.long_mm) return paper.name;
+  }
+  return "larger than A0";
+}
+
+void DrawChecker(const Board& board, const BoardSheet& sheet, std::string* svg) {
+  const double side = 1000 * board.spacing_m;
+  for (int row = 0; row <= board.rows; ++row) {
+    for (int column = row % 2; column <= board.columns; column += 2) {
+      absl::StrAppendFormat(svg, "<rect x=\"%.4f\" y=\"%.4f\" width=\"%.4f\" height=\"%.4f\"/>\n",
+                            sheet.first_point_x_mm + (column - 1) * side,
+                            sheet.first_point_y_mm + (row - 1) * side, side, side);
+    }
+  }
+}
+
+void DrawCircles(const Board& board, const BoardSheet& sheet, std::string* svg) {
+  for (const Eigen::Vector3d& point : board.Points()) {
+    absl::StrAppendFormat(svg, "<circle cx=\"%.4f\" cy=\"%.4f\" r=\"%.4f\"/>\n",
+                          sheet.first_point_x_mm + 1000 * point.x(),
+                          sheet.first_point_y_mm + 1000 * point.y(),
+                          0.5 * sheet.circle_diameter_mm);
+  }
+}
+
+}  // namespace
+
+BoardSheet SheetOf(const Board& board) {
+  BoardSheet sheet;
+  const double spacing = 1000 * board.spacing_m;
+  double beyond = spacing;  // from the outer points to the pattern's edge
+  if (board.kind != BoardKind::kChecker) {
+    const double nearest = board.kind == BoardKind::kCircles ? kDiagonal * spacing : spacing;
+    sheet.circle_diameter_mm = kCircleShare * nearest;
+    beyond = 0.5 * sheet.circle_diameter_mm;
+  }
+  double right = 0;
+  for (const Eigen::Vector3d& point : board.Points()) right = std::max(right, 1000 * point.x());
+  sheet.pattern_width_mm = right + 2 * beyond;
+  sheet.pattern_height_mm = (board.rows - 1) * spacing + 2 * beyond;
+  sheet.margin_mm = std::max(spacing, kLeastMarginMm);
+  sheet.width_mm = std::max(sheet.pattern_width_mm, kRulerMm) + 2 * sheet.margin_mm;
+  sheet.height_mm = sheet.pattern_height_mm + 2 * sheet.margin_mm + kFooterMm;
+  sheet.first_point_x_mm = 0.5 * (sheet.width_mm - sheet.pattern_width_mm) + beyond;
+  sheet.first_point_y_mm = sheet.margin_mm + beyond;
+  return sheet;
+}
+
+std::string BoardSvg(const Board& board) {
+  const BoardSheet sheet = SheetOf(board);
+  std::string svg = absl::StrFormat(
+      "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
+      "<!-- %s; one unit is a millimetre; print at 100 %% -->\n"
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.4fmm\" height=\"%.4fmm\" "
+      "viewBox=\"0 0 %.4f %.4f\">\n"
+      "<rect id=\"paper\" x=\"0\" y=\"0\" width=\"%.4f\" height=\"%.4f\" fill=\"white\"/>\n"
+      "<g id=\"pattern\" fill=\"black\" shape-rendering=\"crispEdges\">\n",
+      FormatBoard(board), sheet.width_mm, sheet.height_mm, sheet.width_mm, sheet.height_mm,
+      sheet.width_mm, sheet.height_mm);
+  if (board.kind == BoardKind::kChecker) {
+    DrawChecker(board, sheet, &svg);
+  } else {
+    DrawCircles(board, sheet, &svg);
+  }
+  const double left = sheet.margin_mm;
+  const double ruler = sheet.height_mm - kFooterMm;
+  svg += "</g>\n<g id=\"ruler\" stroke=\"black\" stroke-width=\"0.2\">\n";
+  absl::StrAppendFormat(&svg,
+                        "<line id=\"ruler-100mm\" x1=\"%.4f\" y1=\"%.4f\" x2=\"%.4f\" "
+                        "y2=\"%.4f\"/>\n",
+                        left, ruler, left + kRulerMm, ruler);
+  for (double at = 0; at <= kRulerMm; at += kRulerTickMm) {
+    absl::StrAppendFormat(&svg, "<line x1=\"%.4f\" y1=\"%.4f\" x2=\"%.4f\" y2=\"%.4f\"/>\n",
+                          left + at, ruler - 2, left + at, ruler);
+  }
+  absl::StrAppendFormat(
+      &svg,
+      "</g>\n<text x=\"%.4f\" y=\"%.4f\" font-family=\"sans-serif\" font-size=\"%.1f\">%s"
+      "</text>\n<text x=\"%.4f\" y=\"%.4f\" font-family=\"sans-serif\" font-size=\"%.1f\">"
+      "the ruler is 100 mm long</text>\n</svg>\n",
+      left, ruler + 1.5 * kTextHeightMm, kTextHeightMm, FormatBoard(board), left,
+      ruler + 3 * kTextHeightMm, kTextHeightMm);
+  return svg;
+}
+
+std::string DescribeBoard(const Board& board) {
+  const BoardSheet sheet = SheetOf(board);
+  std::string text = FormatBoard(board) + "\n";
+  const double spacing = 1000 * board.spacing_m;
+  switch (board.kind) {
+    case BoardKind::kChecker:
+      absl::StrAppendFormat(&text, "%d x %d inner corners, which are %d x %d squares of %g mm\n",
+                            board.columns, board.rows, board.columns + 1, board.rows + 1, spacing);
+      break;
+    case BoardKind::kCircles:
+      absl::StrAppendFormat(&text,
+                            "%d circles in each of %d rows, every second row shifted by %g mm; %g "
+                            "mm from row to row, %g mm along a row\n",
+                            board.columns, board.rows, spacing, spacing, 2 * spacing);
+      break;
+    case BoardKind::kCirclesSymmetric:
+      absl::StrAppendFormat(&text, "%d x %d circles, %g mm from centre to centre\n", board.columns,
+                            board.rows, spacing);
+      break;
+  }
+  if (sheet.circle_diameter_mm > 0) {
+    absl::StrAppendFormat(&text, "circles of %.1f mm when printed by rigcal\n",
+                          sheet.circle_diameter_mm);
+  }
+  absl::StrAppendFormat(&text,
+                        "pattern %.0f x %.0f mm, sheet with its white margin %.0f x %.0f mm (%s)\n",
+                        sheet.pattern_width_mm, sheet.pattern_height_mm, sheet.width_mm,
+                        sheet.height_mm, PaperFor(sheet));
+  if (board.HasTwin()) {
+    text += "it looks the same turned by 180 degrees, which does not matter for a lens\n";
+  }
+  absl::StrAppend(&text,
+                  "print at 100 %, glue it on something flat and stiff, measure the ruler: if it "
+                  "is not 100 mm long, measure the spacing and say that\n");
+  return text;
+}
+
+}  // namespace rigcal

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+namespace rigcal {
+
+// A point of a board and the pixel that shows it; the centre of the first pixel is (0, 0).
+struct BoardCorner {
+  Eigen::Vector3d x_in_board_m = Eigen::Vector3d::Zero();  // z = 0
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+};
+
+// What one picture shows of a board.
+struct BoardView {
+  std::string name;  // for people: "picture 12"
+  std::vector<BoardCorner> corners;
+};
+
+}  // namespace rigcal

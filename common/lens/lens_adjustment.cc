@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/lens/lens_adjustment.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "common/camera/camera_model.h"
+#include "common/camera/intrinsics_vector.h"
+
+namespace rigcal {
+namespace {
+
+constexpr double kLeastDamping = 1e-12;
+constexpr double kMostDamping = 1e10;
+constexpr double kConverged = 1e-12;  // relative change of the cost
+constexpr double kLeastDiagonal = 1e-9;
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+// A view's part of the normal equations: pose and intrinsics.
+struct ViewBlock {
+  Matrix6 pose = Matrix6::Zero();
+  Vector6 pose_gradient = Vector6::Zero();
+  Eigen::MatrixXd coupling;  // 6 x free intrinsics
+};
+
+struct NormalEquations {
+  std::vector<ViewBlock> views;
+  Eigen::MatrixXd intrinsics;
+  Eigen::VectorXd gradient;
+};
+
+double Loss(double squared, double loss_px) {
+  if (loss_px <= 0) return squared;
+  const double width = loss_px * loss_px;
+  return width * std::log1p(squared / width);
+}
+
+double LossWeight(double squared, double loss_px) {
+  return loss_px <= 0 ? 1.0 : 1.0 / (1.0 + squared / (loss_px * loss_px));
+}
+
+double CostOf(const std::vector<BoardView>& views, const LensEstimate& estimate, double loss_px) {
+  double cost = 0;
+  for (size_t i = 0; i < views.size(); ++i) {
+    for (const double error :
+         CornerErrors(views[i], estimate.intrinsics, estimate.cam_from_board[i])) {
+      cost += Loss(error * error, loss_px);
+    }
+  }
+  return cost;
+}
+
+Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d matrix;
+  matrix << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return matrix;
+}
+
+NormalEquations Linearise(const std::vector<BoardView>& views, const LensEstimate& estimate,
+                          int free, double loss_px) {
+  const DistortionModel model = estimate.intrinsics.model;
+  const IntrinsicsVector values = ToVector(estimate.intrinsics);
+  NormalEquations equations;
+  equations.views.resize(views.size());
+  equations.intrinsics = Eigen::MatrixXd::Zero(free, free);
+  equations.gradient = Eigen::VectorXd::Zero(free);
+  for (size_t i = 0; i < views.size(); ++i) {
+    ViewBlock& block = equations.views[i];
+    block.coupling = Eigen::MatrixXd::Zero(6, free);
+    const RigidTransform& pose = estimate.cam_from_board[i];
+    const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
+    for (const BoardCorner& corner : views[i].corners) {
+      const Eigen::Vector3d turned = rotation * corner.x_in_board_m;
+      Eigen::Vector2d pixel;
+      Eigen::Matrix<double, 2, 3> d_point;
+      IntrinsicsJacobian d_intrinsics;
+      if (!Project(model, values.data(), turned + pose.translation_m, &pixel, &d_point,
+                   &d_intrinsics)) {
+        continue;
+      }
+      const Eigen::Vector2d error = pixel - corner.pixel;
+      const double weight = LossWeight(error.squaredNorm(), loss_px);
+      Eigen::Matrix<double, 2, 6> d_pose;
+      d_pose << -d_point * Cross(turned), d_point;
+      block.pose += weight * d_pose.transpose() * d_pose;
+      block.pose_gradient += weight * d_pose.transpose() * error;
+      if (free == 0) continue;
+      const auto jacobian = d_intrinsics.leftCols(free);
+      block.coupling += weight * d_pose.transpose() * jacobian;
+      equations.intrinsics += weight * jacobian.transpose() * jacobian;
+      equations.gradient += weight * jacobian.transpose() * error;
+    }
+  }
+  return equations;
+}
+
+template <typename Matrix>
+void Damp(double damping, Matrix* matrix) {
+  for (Eigen::Index i = 0; i < matrix->rows(); ++i) {
+    (*matrix)(i, i) += damping * std::max((*matrix)(i, i), kLeastDiagonal);
+  }
+}
+
+// The intrinsics' equations without the poses.
+void EliminatePoses(const NormalEquations& equations, double damping, Eigen::MatrixXd* information,
+                    Eigen::VectorXd* gradient) {
+  *information = equations.intrinsics;
+  if (damping > 0) Damp(damping, information);
+  *gradient = equations.gradient;
+  for (const ViewBlock& block : equations.views) {
+    Matrix6 pose = block.pose;
+    Damp(std::max(damping, kLeastDamping), &pose);
+    const Eigen::LDLT<Matrix6> factor(pose);
+    *information -= block.coupling.transpose() * factor.solve(block.coupling);
+    *gradient -= block.coupling.transpose() * factor.solve(block.pose_gradient);
+  }
+}
+
+// The estimate after one damped step.
+LensEstimate Stepped(const LensEstimate& estimate, const NormalEquations& equations, int free,
+                     double damping) {
+  LensEstimate next = estimate;
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(free);
+  if (free > 0) {
+    Eigen::MatrixXd information;
+    Eigen::VectorXd gradient;
+    EliminatePoses(equations, damping, &information, &gradient);
+    step = -information.ldlt().solve(gradient);
+    IntrinsicsVector values = ToVector(estimate.intrinsics);
+    values.head(free) += step;
+    next.intrinsics = FromVector(estimate.intrinsics.model, values);
+  }
+  for (size_t i = 0; i < equations.views.size(); ++i) {
+    const ViewBlock& block = equations.views[i];
+    Matrix6 pose = block.pose;
+    Damp(damping, &pose);
+    Vector6 right = block.pose_gradient;
+    if (free > 0) right += block.coupling * step;
+    const Vector6 move = -pose.ldlt().solve(right);
+    const Eigen::Vector3d turn = move.head<3>();
+    const double angle = turn.norm();
+    RigidTransform& to = next.cam_from_board[i];
+    if (angle > 0) {
+      to.rotation =
+          (Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * to.rotation).normalized();
+    }
+    to.translation_m += move.tail<3>();
+  }
+  return next;
+}
+
+bool IsUsable(const LensEstimate& estimate) {
+  return ToVector(estimate.intrinsics).allFinite() && estimate.intrinsics.fx_px > 0 &&
+         estimate.intrinsics.fy_px > 0;
+}
+
+}  // namespace
+
+std::vector<double> CornerErrors(const BoardView& view, const Intrinsics& intrinsics,
+                                 const RigidTransform& cam_from_board) {
+  std::vector<double> errors;
+  errors.reserve(view.corners.size());
+  for (const BoardCorner& corner : view.corners) {
+    Eigen::Vector2d pixel;
+    const bool seen = Project(intrinsics, cam_from_board * corner.x_in_board_m, &pixel);
+    const double error = seen ? (pixel - corner.pixel).norm() : kUnseenPx;
+    errors.push_back(error < kUnseenPx ? error : kUnseenPx);
+  }
+  return errors;
+}
+
+LensAdjustment AdjustLens(const std::vector<BoardView>& views, const LensEstimate& start,
+                          const LensAdjustmentOptions& options) {
+  const int free = options.fix_intrinsics ? 0 : FreeIntrinsics(start.model);
+  LensAdjustment result;
+  result.estimate = start;
+  // A step may not leave out coefficients that Validate wants.
+  result.estimate.intrinsics = FromVector(start.intrinsics.model, ToVector(start.intrinsics));
+  result.cost_px2 = CostOf(views, result.estimate, options.loss_px);
+  double damping = 1e-4;
+  NormalEquations equations = Linearise(views, result.estimate, free, options.loss_px);
+  for (int step = 0; step < options.max_steps; ++step) {
+    const double before = result.cost_px2;
+    bool better = false;
+    for (; damping < kMostDamping && !better; damping *= 10) {
+      LensEstimate next = Stepped(result.estimate, equations, free, damping);
+      if (!IsUsable(next)) continue;
+      const double cost = CostOf(views, next, options.loss_px);
+      if (!(cost < before)) continue;
+      result.estimate = std::move(next);
+      result.cost_px2 = cost;
+      better = true;
+    }
+    if (!better) break;
+    damping = std::max(damping / 100, kLeastDamping);  // the loop has raised it once more
+    equations = Linearise(views, result.estimate, free, options.loss_px);
+    if (before - result.cost_px2 < kConverged * before) break;
+  }
+  if (free > 0) {
+    Eigen::VectorXd gradient;
+    EliminatePoses(equations, 0, &result.information, &gradient);
+  }
+  return result;
+}
+
+}  // namespace rigcal

@@ -1,0 +1,425 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/lens/lens_solver.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/camera/camera_model.h"
+#include "common/lens/lens_adjustment.h"
+#include "common/lens/lens_start.h"
+#include "common/lens/view_coverage.h"
+#include "common/statistics/robust_statistics.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+namespace {
+
+constexpr size_t kLeastCornersOfView = 6;
+constexpr size_t kFolds = 5;
+constexpr double kAsGood = 1.02;     // of the least held-out error: the simpler model wins ...
+constexpr double kSystematic = 2.5;  // ... unless its views are worse by so many standard errors
+
+// Cauchy's losses of the first solve, from far to near.
+constexpr double kWideLossPx = 20;
+constexpr double kNarrowLossPx = 1;
+
+constexpr double kOutlierSigmas = 6;
+constexpr double kLeastOutlierPx = 0.05;
+constexpr double kOutlierViewRatio = 5;  // of the median of all views
+constexpr double kLeastOutlierViewPx = 0.3;
+
+constexpr double kNeverTiltedDeg = 10;
+constexpr double kTiltedDeg = 25;  // of the third most tilted view; below: advice
+constexpr double kMostFocalSigma = 0.03;
+constexpr double kGoodFocalSigma = 0.003;
+constexpr double kGoodHalvesPx = 0.3;
+constexpr double kGoodCoverage = 0.7;
+constexpr int kGoodViews = 20;
+constexpr int kBlindGrid = 21;
+
+double RmsOf(const std::vector<double>& errors) {
+  double sum = 0;
+  for (const double error : errors) sum += error * error;
+  return errors.empty() ? 0 : std::sqrt(sum / static_cast<double>(errors.size()));
+}
+
+// Corners of all views, one behind the other.
+std::vector<double> ErrorsOf(const std::vector<BoardView>& views, const LensEstimate& estimate) {
+  std::vector<double> errors;
+  for (size_t i = 0; i < views.size(); ++i) {
+    const auto of_view = CornerErrors(views[i], estimate.intrinsics, estimate.cam_from_board[i]);
+    errors.insert(errors.end(), of_view.begin(), of_view.end());
+  }
+  return errors;
+}
+
+double TiltDeg(const RigidTransform& cam_from_board) {
+  const Eigen::Vector3d normal = cam_from_board.rotation * Eigen::Vector3d::UnitZ();
+  return std::acos(std::min(1.0, std::abs(normal.z()))) * 180 / std::numbers::pi;
+}
+
+// A model's robust solve of all views. A richer model begins where the simpler one of its family
+// has ended.
+absl::StatusOr<LensEstimate> SolveRobustly(LensModel model, const ImageSize& image_size_px,
+                                           const std::vector<BoardView>& views,
+                                           const LensEstimate* simpler) {
+  LensEstimate start;
+  if (simpler != nullptr) {
+    start = *simpler;
+    start.model = model;
+    start.intrinsics.model = DistortionModelOf(model);
+    start.intrinsics.distortion.resize(
+        static_cast<size_t>(CoefficientCount(start.intrinsics.model)), 0.0);
+  } else {
+    RIGCAL_ASSIGN_OR_RETURN(start, StartLens(model, image_size_px, views));
+  }
+  for (const double loss : {kWideLossPx, kNarrowLossPx}) {
+    LensAdjustmentOptions options;
+    options.loss_px = loss;
+    start = AdjustLens(views, start, options).estimate;
+  }
+  return start;
+}
+
+// Which corners and views are used.
+struct UsedCorners {
+  std::vector<std::vector<bool>> corners;  // view by view
+  std::vector<std::string> left_out;       // why a view is not used; empty: it is
+
+  std::vector<BoardView> Of(const std::vector<BoardView>& views) const {
+    std::vector<BoardView> used;
+    for (size_t i = 0; i < views.size(); ++i) {
+      if (!left_out[i].empty()) continue;
+      BoardView& view = used.emplace_back();
+      view.name = views[i].name;
+      for (size_t k = 0; k < views[i].corners.size(); ++k) {
+        if (corners[i][k]) view.corners.push_back(views[i].corners[k]);
+      }
+    }
+    return used;
+  }
+  // The poses of the views that are used.
+  LensEstimate Of(const LensEstimate& all) const {
+    LensEstimate used = all;
+    used.cam_from_board.clear();
+    for (size_t i = 0; i < left_out.size(); ++i) {
+      if (left_out[i].empty()) used.cam_from_board.push_back(all.cam_from_board[i]);
+    }
+    return used;
+  }
+};
+
+UsedCorners LeaveOutWrong(const std::vector<BoardView>& views, const LensEstimate& estimate) {
+  std::vector<std::vector<double>> errors;
+  std::vector<double> medians;
+  for (size_t i = 0; i < views.size(); ++i) {
+    errors.push_back(CornerErrors(views[i], estimate.intrinsics, estimate.cam_from_board[i]));
+    medians.push_back(UpperMedian(errors.back()));
+  }
+  const double typical = UpperMedian(medians);
+  UsedCorners used;
+  std::vector<double> of_used;
+  for (size_t i = 0; i < views.size(); ++i) {
+    std::string why;
+    if (medians[i] > std::max(kOutlierViewRatio * typical, kLeastOutlierViewPx)) {
+      why =
+          absl::StrFormat("does not fit the others: corners are off by %.2f px, elsewhere by %.2f",
+                          medians[i], typical);
+    } else {
+      of_used.insert(of_used.end(), errors[i].begin(), errors[i].end());
+    }
+    used.left_out.push_back(std::move(why));
+  }
+  const double sigma = UpperMedian(std::move(of_used)) / kMedianOfRayleigh;
+  const double limit = std::max(kOutlierSigmas * sigma, kLeastOutlierPx);
+  for (size_t i = 0; i < views.size(); ++i) {
+    auto& corners = used.corners.emplace_back();
+    for (const double error : errors[i]) corners.push_back(error <= limit);
+    const auto good = static_cast<size_t>(std::count(corners.begin(), corners.end(), true));
+    if (used.left_out[i].empty() &&
+        (good < kLeastCornersOfView || 2 * good < views[i].corners.size())) {
+      used.left_out[i] = absl::StrFormat("only %d of its %d corners fit", good, corners.size());
+    }
+  }
+  return used;
+}
+
+// The views of these numbers, and their poses.
+struct ViewSubset {
+  std::vector<BoardView> views;
+  LensEstimate estimate;
+};
+
+template <typename Predicate>
+ViewSubset Subset(const std::vector<BoardView>& views, const LensEstimate& estimate,
+                  Predicate is_in) {
+  ViewSubset subset;
+  subset.estimate = estimate;
+  subset.estimate.cam_from_board.clear();
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (!is_in(i)) continue;
+    subset.views.push_back(views[i]);
+    subset.estimate.cam_from_board.push_back(estimate.cam_from_board[i]);
+  }
+  return subset;
+}
+
+// Errors of each view with a lens that was solved without it.
+std::vector<std::vector<double>> HeldOutErrors(const std::vector<BoardView>& views,
+                                               const LensEstimate& estimate) {
+  const size_t folds = std::min(kFolds, views.size());
+  std::vector<std::vector<double>> errors(views.size());
+  for (size_t fold = 0; fold < folds; ++fold) {
+    const ViewSubset training =
+        Subset(views, estimate, [&](size_t i) { return i % folds != fold; });
+    ViewSubset held_out = Subset(views, estimate, [&](size_t i) { return i % folds == fold; });
+    held_out.estimate.intrinsics =
+        AdjustLens(training.views, training.estimate).estimate.intrinsics;
+    LensAdjustmentOptions options;
+    options.fix_intrinsics = true;
+    const LensAdjustment placed = AdjustLens(held_out.views, held_out.estimate, options);
+    for (size_t k = 0; k < held_out.views.size(); ++k) {
+      errors[fold + k * folds] = CornerErrors(held_out.views[k], placed.estimate.intrinsics,
+                                              placed.estimate.cam_from_board[k]);
+    }
+  }
+  return errors;
+}
+
+double RmsOfAll(const std::vector<std::vector<double>>& errors) {
+  std::vector<double> all;
+  for (const auto& of_view : errors) all.insert(all.end(), of_view.begin(), of_view.end());
+  return RmsOf(all);
+}
+
+// View by view, `a` is further off than `b`.
+bool IsWorse(const std::vector<std::vector<double>>& a, const std::vector<std::vector<double>>& b) {
+  const double count = static_cast<double>(a.size());
+  double sum = 0, squares = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    const double rms_a = RmsOf(a[i]), rms_b = RmsOf(b[i]);
+    const double difference = rms_a * rms_a - rms_b * rms_b;
+    sum += difference;
+    squares += difference * difference;
+  }
+  const double mean = sum / count;
+  const double variance = std::max(0.0, squares / count - mean * mean) / (count - 1);
+  return mean > kSystematic * std::sqrt(variance);
+}
+
+std::optional<LensDifference> CompareHalves(const std::vector<BoardView>& views,
+                                            const LensEstimate& estimate,
+                                            const ImageSize& image_size_px) {
+  Intrinsics lenses[2];
+  for (size_t half = 0; half < 2; ++half) {
+    const ViewSubset subset = Subset(views, estimate, [&](size_t i) { return i % 2 == half; });
+    lenses[half] = AdjustLens(subset.views, subset.estimate).estimate.intrinsics;
+  }
+  const absl::StatusOr<LensDifference> difference =
+      CompareLenses(lenses[0], lenses[1], image_size_px);
+  return difference.ok() ? std::optional(*difference) : std::nullopt;
+}
+
+// Of noise of the size that the residuals have.
+Eigen::VectorXd SigmasOf(const LensAdjustment& adjusted, size_t corners, size_t views) {
+  const Eigen::Index free = adjusted.information.rows();
+  const double freedom =
+      std::max(1.0, 2.0 * static_cast<double>(corners) - 6.0 * static_cast<double>(views) -
+                        static_cast<double>(free));
+  const Eigen::FullPivLU<Eigen::MatrixXd> factor(adjusted.information);
+  Eigen::VectorXd sigmas = Eigen::VectorXd::Constant(free, std::numeric_limits<double>::infinity());
+  if (!factor.isInvertible()) return sigmas;
+  const Eigen::MatrixXd covariance = factor.inverse() * (adjusted.cost_px2 / freedom);
+  for (Eigen::Index i = 0; i < free; ++i) {
+    if (covariance(i, i) >= 0) sigmas[i] = std::sqrt(covariance(i, i));
+  }
+  return sigmas;
+}
+
+double BlindShare(const Intrinsics& intrinsics, const ImageSize& image_size_px) {
+  int blind = 0;
+  for (int row = 0; row < kBlindGrid; ++row) {
+    for (int column = 0; column < kBlindGrid; ++column) {
+      const Eigen::Vector2d pixel((image_size_px.width - 1.0) * column / (kBlindGrid - 1),
+                                  (image_size_px.height - 1.0) * row / (kBlindGrid - 1));
+      if (!Undistort(intrinsics, pixel).ok()) ++blind;
+    }
+  }
+  return blind / static_cast<double>(kBlindGrid * kBlindGrid);
+}
+
+absl::Status CheckViews(const std::vector<BoardView>& views, const ImageSize& image_size_px) {
+  RIGCAL_RETURN_IF_ERROR(image_size_px.Validate());
+  for (const BoardView& view : views) {
+    if (view.corners.size() < kLeastCornersOfView) {
+      return absl::InvalidArgumentError(absl::StrCat(view.name, " has ", view.corners.size(),
+                                                     " corners, which must be at least ",
+                                                     kLeastCornersOfView));
+    }
+  }
+  if (views.size() >= kLeastLensViews) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("a lens needs at least ", kLeastLensViews, " pictures that show the board, and ",
+                   views.size(), views.size() == 1 ? " does" : " do",
+                   "; 20 to 40 are good: tilted to every side, near and far, all over the image"));
+}
+
+// The focal length is known through boards that are seen at an angle.
+absl::Status CheckTilt(const LensSolution& solution, const std::vector<double>& tilts_deg) {
+  const double most = *std::max_element(tilts_deg.begin(), tilts_deg.end());
+  const double focal_sigma = solution.sigmas[0] / solution.intrinsics.fx_px;
+  if (most >= kNeverTiltedDeg && focal_sigma <= kMostFocalSigma) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrFormat(
+      "focal length and distance cannot be told apart: the board is tilted by %.0f degrees at "
+      "most, and the focal length is uncertain by %.1f %%; tilt the board by 30 degrees and more, "
+      "to every side",
+      most, std::min(100.0, 100 * focal_sigma)));
+}
+
+void AddAdvice(const ImageSize& image_size_px, const std::vector<BoardView>& used,
+               std::vector<double> tilts_deg, LensSolution* solution) {
+  std::vector<std::string>& advice = solution->advice;
+  for (const std::string& side : BareSides(used, image_size_px)) {
+    advice.push_back(side + ": hold the board there, too");
+  }
+  if (solution->covered_share < kGoodCoverage) {
+    advice.push_back(absl::StrFormat(
+        "corners are in %.0f %% of the image: fill the rest, also its corners, with near views",
+        100 * solution->covered_share));
+  }
+  std::sort(tilts_deg.rbegin(), tilts_deg.rend());
+  if (tilts_deg[2] < kTiltedDeg) {
+    advice.push_back(absl::StrFormat(
+        "only two views are tilted by more than %.0f degrees: tilt the board by 30 to 50, to every "
+        "side",
+        tilts_deg[2]));
+  }
+  if (solution->sigmas[0] > kGoodFocalSigma * solution->intrinsics.fx_px) {
+    advice.push_back(absl::StrFormat("the focal length is uncertain by %.1f %%: more tilted views",
+                                     100 * solution->sigmas[0] / solution->intrinsics.fx_px));
+  }
+  if (solution->views < kGoodViews) {
+    advice.push_back(absl::StrFormat("only %d views were used: take 20 to 40", solution->views));
+  }
+  if (!solution->halves) {
+    advice.push_back(
+        "the lenses of two halves of the views have little in common: take more views");
+  } else if (solution->halves->p95_px > kGoodHalvesPx) {
+    advice.push_back(absl::StrFormat(
+        "two halves of the views make lenses that differ by %.2f px: take more views, above all "
+        "where the image is bare; is the board flat?",
+        solution->halves->p95_px));
+  }
+  if (solution->blind_share > 0) {
+    advice.push_back(absl::StrFormat(
+        "%.0f %% of the image, at its border, have no ray: outside of where corners were, this "
+        "lens cannot be used",
+        std::max(1.0, 100 * solution->blind_share)));
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
+                                       const ImageSize& image_size_px, const LensOptions& options) {
+  RIGCAL_RETURN_IF_ERROR(CheckViews(views, image_size_px));
+
+  // Every model on everything.
+  std::vector<LensEstimate> estimates;
+  absl::Status failure;
+  std::optional<LensEstimate> pinhole;
+  for (const LensModel model : AllLensModels()) {
+    const bool is_wanted = !options.model || *options.model == model;
+    const bool is_pinhole = model != LensModel::kFisheye;
+    // The richer pinholes begin with the simpler ones.
+    if (!is_wanted && (!is_pinhole || *options.model == LensModel::kFisheye)) continue;
+    if (!is_wanted && model > *options.model) continue;
+    absl::StatusOr<LensEstimate> solved =
+        SolveRobustly(model, image_size_px, views, is_pinhole && pinhole ? &*pinhole : nullptr);
+    if (!solved.ok()) {
+      failure = solved.status();
+      continue;
+    }
+    if (is_pinhole) pinhole = *solved;
+    if (is_wanted) estimates.push_back(*std::move(solved));
+  }
+  if (estimates.empty()) return failure;
+
+  // What not even the best of them explains.
+  const auto best = std::min_element(
+      estimates.begin(), estimates.end(), [&](const LensEstimate& a, const LensEstimate& b) {
+        return UpperMedian(ErrorsOf(views, a)) < UpperMedian(ErrorsOf(views, b));
+      });
+  const UsedCorners used = LeaveOutWrong(views, *best);
+  const std::vector<BoardView> good = used.Of(views);
+  if (good.size() < kLeastLensViews) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "only ", good.size(), " of ", views.size(),
+        " views agree about a lens: are they all of one camera with one focus and zoom, and is the "
+        "board flat?"));
+  }
+
+  LensSolution solution;
+  std::vector<LensAdjustment> adjusted;
+  std::vector<std::vector<std::vector<double>>> held_out;  // by model and view
+  for (const LensEstimate& estimate : estimates) {
+    adjusted.push_back(AdjustLens(good, used.Of(estimate)));
+    const LensEstimate& fitted = adjusted.back().estimate;
+    held_out.push_back(HeldOutErrors(good, fitted));
+    solution.candidates.push_back({.model = estimate.model,
+                                   .rms_px = RmsOf(ErrorsOf(good, fitted)),
+                                   .held_out_rms_px = RmsOfAll(held_out.back())});
+  }
+  const auto least = std::min_element(solution.candidates.begin(), solution.candidates.end(),
+                                      [](const LensCandidate& a, const LensCandidate& b) {
+                                        return a.held_out_rms_px < b.held_out_rms_px;
+                                      });
+  const auto least_index = static_cast<size_t>(least - solution.candidates.begin());
+  size_t chosen = 0;
+  while (chosen < least_index &&
+         (solution.candidates[chosen].held_out_rms_px > kAsGood * least->held_out_rms_px ||
+          IsWorse(held_out[chosen], held_out[least_index]))) {
+    ++chosen;
+  }
+
+  const LensAdjustment& result = adjusted[chosen];
+  solution.model = result.estimate.model;
+  solution.intrinsics = result.estimate.intrinsics;
+  solution.rms_px = solution.candidates[chosen].rms_px;
+  solution.held_out_rms_px = solution.candidates[chosen].held_out_rms_px;
+  solution.views = static_cast<int>(good.size());
+  for (const BoardView& view : good) solution.corners += static_cast<int>(view.corners.size());
+  solution.sigmas = SigmasOf(result, static_cast<size_t>(solution.corners), good.size());
+  RIGCAL_RETURN_IF_ERROR(solution.intrinsics.Validate(image_size_px));
+
+  std::vector<double> tilts_deg;
+  for (size_t i = 0, at = 0; i < views.size(); ++i) {
+    LensViewResult& view = solution.view_results.emplace_back();
+    view.name = views[i].name;
+    view.corners = static_cast<int>(views[i].corners.size());
+    view.left_out = used.left_out[i];
+    const bool is_used = view.left_out.empty();
+    const RigidTransform& pose =
+        is_used ? result.estimate.cam_from_board[at] : estimates[chosen].cam_from_board[i];
+    const BoardView& shown = is_used ? good[at] : views[i];
+    view.tilt_deg = TiltDeg(pose);
+    view.rms_px = RmsOf(CornerErrors(shown, solution.intrinsics, pose));
+    if (!is_used) continue;
+    view.left_out_corners = view.corners - static_cast<int>(shown.corners.size());
+    tilts_deg.push_back(view.tilt_deg);
+    ++at;
+  }
+  RIGCAL_RETURN_IF_ERROR(CheckTilt(solution, tilts_deg));
+  solution.halves = CompareHalves(good, result.estimate, image_size_px);
+  solution.covered_share = CoveredShare(good, image_size_px);
+  solution.blind_share = BlindShare(solution.intrinsics, image_size_px);
+  AddAdvice(image_size_px, good, tilts_deg, &solution);
+  return solution;
+}
+
+}  // namespace rigcal

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+// Folders of rendered pictures of a camera whose lens is known.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "agent/command/subcommands.h"
+#include "common/import/intrinsics_file.h"
+#include "common/lens/lens_difference.h"
+#include "tests/agent/detect/board/rendered_board.h"
+#include "tests/common/lens/known_lens.h"
+#include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::agent::intrinsics_command_test {
+namespace {
+
+using namespace rigcal::testing;  // the known lens
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+constexpr double kLensBlurPx = 0.7;
+constexpr double kGrain = 1;
+
+struct Outcome {
+  absl::Status status;
+  std::string out;
+};
+
+Outcome RunIntrinsics(const std::vector<std::string>& arguments) {
+  CLI::App app;
+  std::ostringstream out;
+  Subcommands subcommands(out);
+  subcommands.AddTo(app);
+  std::vector<std::string> reversed(arguments.rbegin(), arguments.rend());
+  reversed.push_back("intrinsics");
+  app.parse(std::move(reversed));
+  const absl::Status status = subcommands.Chosen()();
+  return {status, out.str()};
+}
+
+void Render(const Board& board, const Intrinsics& lens, const std::vector<RigidTransform>& poses,
+            const fs::path& folder) {
+  fs::create_directories(folder);
+  const BoardRenderer renderer(lens, kKnownImage);
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const fs::path file = folder / ("shot" + std::to_string(i) + ".png");
+    ASSERT_TRUE(cv::imwrite(file.string(), renderer.Render(board, poses[i], kLensBlurPx, kGrain)));
+  }
+}
+
+// The whole way: pictures of a bare camera in, a file that agents read out.
+void ExpectLensFound(const Intrinsics& lens, const std::vector<RigidTransform>& poses) {
+  const TemporaryDirectory folder;
+  const Board board = *ParseBoard("board:checker,9x6,0.025");
+  Render(board, lens, poses, folder.path() / "left");
+  const std::string file = folder.path() / "lens.yaml";
+  const std::vector<std::string> command = {(folder.path() / "left").string(), "--board",
+                                            FormatBoard(board), "--output", file};
+  std::vector<std::string> as_json = command;
+  as_json.insert(as_json.end(), {"-o", "json"});
+  const Outcome outcome = RunIntrinsics(as_json);
+  ASSERT_THAT(outcome.status, IsOk());
+  const nlohmann::json json = nlohmann::json::parse(outcome.out);
+  SCOPED_TRACE(outcome.out);
+  EXPECT_EQ(json["pictures"], poses.size());
+  EXPECT_GE(json["views"], 10);  // the rest is cut off by the border
+  EXPECT_LT(json["held_out_rms_px"], 0.15);
+  const auto read = ReadIntrinsicsFile(file);
+  ASSERT_THAT(read, IsOk());
+  EXPECT_EQ(read->image_size_px, kKnownImage);
+  EXPECT_EQ(read->intrinsics.model, lens.model);
+  const auto difference = CompareLenses(lens, read->intrinsics, kKnownImage);
+  ASSERT_THAT(difference, IsOk());
+  EXPECT_LE(difference->p95_px, 0.1);
+  EXPECT_LT(difference->unknown_share, 0.01);
+
+  EXPECT_THAT(RunIntrinsics(command).status,
+              StatusIs(absl::StatusCode::kAlreadyExists, HasSubstr("--force")));
+}
+
+TEST(IntrinsicsCommand, FindsAPinholeFromAFolderOfPictures) {
+  const Board board = *ParseBoard("board:checker,9x6,0.025");
+  ExpectLensFound(KnownPinhole(),
+                  WavedBoard(board, KnownPinhole(), kKnownImage, 25, 0.33, 0.45, 0.7, 5, 0.5));
+}
+
+TEST(IntrinsicsCommand, FindsAFisheyeFromAFolderOfPictures) {
+  const Board board = *ParseBoard("board:checker,9x6,0.025");
+  ExpectLensFound(KnownFisheye(),
+                  WavedBoard(board, KnownFisheye(), kKnownImage, 25, 0.18, 0.25, 0.7, 6, 0.6));
+}
+
+TEST(IntrinsicsCommand, NamesTheBoardThatIsThere) {
+  const TemporaryDirectory folder;
+  const Board board = *ParseBoard("board:checker,8x5,0.025");
+  Render(board, KnownPinhole(), WavedBoard(board, KnownPinhole(), kKnownImage, 2, 0.4, 0.5, 0.3, 5),
+         folder.path() / "left");
+  const Outcome outcome =
+      RunIntrinsics({(folder.path() / "left").string(), "--board", "board:checker,9x6,0.025",
+                     "--output", (folder.path() / "lens.yaml").string()});
+  EXPECT_THAT(outcome.status,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("no 9x6 board in 2 pictures"),
+                             HasSubstr("8x5 in 2 of the 2"), HasSubstr("not squares"))));
+  EXPECT_FALSE(fs::exists(folder.path() / "lens.yaml"));
+}
+
+TEST(IntrinsicsCommand, RefusesWhatIsTypedWrong) {
+  const TemporaryDirectory folder;
+  const std::string file = folder.path() / "lens.yaml";
+  EXPECT_THAT(RunIntrinsics({"x", "--board", "board:checker,9x6,25", "--output", file}).status,
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("25 mm are 0.025")));
+  EXPECT_THAT(
+      RunIntrinsics({"x", "--board", "board:checker,9x6,0.025", "--output", file, "--views", "4"})
+          .status,
+      StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("--views 4 are too few")));
+  EXPECT_THAT(RunIntrinsics({(folder.path() / "none").string(), "--board",
+                             "board:checker,9x6,0.025", "--output", file})
+                  .status,
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("no file or folder")));
+}
+
+}  // namespace
+}  // namespace rigcal::agent::intrinsics_command_test

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/agent/detect/board/rendered_board.h"
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "common/camera/camera_model.h"
+
+namespace rigcal::testing {
+namespace {
+
+constexpr int kSamples = 4;  // along each side of a pixel
+constexpr int kRayStep = 2;  // pixels
+constexpr float kInk = 35, kPaperWhite = 215, kGround = 120;
+constexpr double kCircleRadius = 0.275;  // of the distance of nearest neighbours, as printed
+
+float ColourOf(const Board& board, const Eigen::Vector3f& at) {
+  const float s = static_cast<float>(board.spacing_m);
+  const bool is_asymmetric = board.kind == BoardKind::kCircles;
+  const float wide = static_cast<float>(is_asymmetric ? 2 * board.columns - 1 : board.columns - 1);
+  const float high = static_cast<float>(board.rows - 1);
+  const float x = at.x() / s, y = at.y() / s;
+  if (x < -2 || y < -2 || x > wide + 2 || y > high + 2) return kGround;
+  if (board.kind == BoardKind::kChecker) {
+    if (x < -1 || y < -1 || x > wide + 1 || y > high + 1) return kPaperWhite;
+    const int column = static_cast<int>(std::floor(x)), row = static_cast<int>(std::floor(y));
+    return (column + row) % 2 == 0 ? kInk : kPaperWhite;
+  }
+  const float radius = static_cast<float>(kCircleRadius * (is_asymmetric ? std::sqrt(2.0) : 1.0));
+  const int row = static_cast<int>(std::lround(y));
+  for (int r = std::max(0, row - 1); r <= std::min(board.rows - 1, row + 1); ++r) {
+    const float shift = is_asymmetric ? static_cast<float>(r % 2) : 0;
+    const float pitch = is_asymmetric ? 2 : 1;
+    const float column = std::round((x - shift) / pitch);
+    if (column < 0 || column > static_cast<float>(board.columns - 1)) continue;
+    if (std::hypot(x - shift - pitch * column, y - static_cast<float>(r)) < radius) return kInk;
+  }
+  return kPaperWhite;
+}
+
+}  // namespace
+
+BoardRenderer::BoardRenderer(const Intrinsics& lens, const ImageSize& image) : image_(image) {
+  columns_ = static_cast<int>(image.width) / kRayStep + 2;
+  rows_ = static_cast<int>(image.height) / kRayStep + 2;
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      // One step further than the image's corner; the first table entry is at pixel -1.
+      const auto ray = Undistort(lens, Eigen::Vector2d(column * kRayStep - 1, row * kRayStep - 1));
+      rays_.push_back(ray.ok() ? Eigen::Vector3d(ray->x(), ray->y(), 1).normalized().cast<float>()
+                               : Eigen::Vector3f(0, 0, -1));
+    }
+  }
+}
+
+const Eigen::Vector3f& BoardRenderer::Ray(int column, int row) const {
+  return rays_[static_cast<size_t>(row * columns_ + column)];
+}
+
+cv::Mat BoardRenderer::Render(const Board& board, const RigidTransform& cam_from_board,
+                              double blur_px, double noise) const {
+  const RigidTransform board_from_cam = cam_from_board.Inverse();
+  const Eigen::Matrix3f turn = board_from_cam.rotation.toRotationMatrix().cast<float>();
+  const Eigen::Vector3f eye = board_from_cam.translation_m.cast<float>();
+  cv::Mat1f light(static_cast<int>(image_.height), static_cast<int>(image_.width));
+  for (int y = 0; y < light.rows; ++y) {
+    for (int x = 0; x < light.cols; ++x) {
+      float sum = 0;
+      for (int sample = 0; sample < kSamples * kSamples; ++sample) {
+        // No two samples share a column or a row, so that also an upright edge moves in steps of a
+        // sixteenth of a pixel.
+        const auto offset = [](int coarse, int fine) {
+          const float step = (static_cast<float>(fine) + 0.5f) / kSamples;
+          return (static_cast<float>(coarse) + step) / kSamples - 0.5f;
+        };
+        const int i = sample % kSamples, j = sample / kSamples;
+        const float u = (static_cast<float>(x) + offset(i, j) + 1) / kRayStep;
+        const float v = (static_cast<float>(y) + offset(j, i) + 1) / kRayStep;
+        const int column = static_cast<int>(u), row = static_cast<int>(v);
+        const float a = u - static_cast<float>(column), b = v - static_cast<float>(row);
+        const Eigen::Vector3f ray =
+            turn * ((1 - b) * ((1 - a) * Ray(column, row) + a * Ray(column + 1, row)) +
+                    b * ((1 - a) * Ray(column, row + 1) + a * Ray(column + 1, row + 1)));
+        // z points away from who looks at the front.
+        const float distance = ray.z() > 0 ? -eye.z() / ray.z() : -1;
+        sum += distance > 0 ? ColourOf(board, eye + distance * ray) : kGround;
+      }
+      light(y, x) = sum / (kSamples * kSamples);
+    }
+  }
+  if (blur_px > 0) cv::GaussianBlur(light, light, cv::Size(0, 0), blur_px);
+  cv::Mat1f grain(light.size());
+  cv::RNG random(7);
+  random.fill(grain, cv::RNG::NORMAL, 0, noise);
+  cv::Mat image;
+  cv::Mat1f(light + grain).convertTo(image, CV_8U);
+  return image;
+}
+
+agent::ImageView MonoView(const cv::Mat& image) {
+  return {.data = image.data,
+          .width = image.cols,
+          .height = image.rows,
+          .stride_bytes = static_cast<ptrdiff_t>(image.step),
+          .format = agent::PixelFormat::kMono8};
+}
+
+}  // namespace rigcal::testing

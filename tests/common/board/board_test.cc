@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/board/board.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::board_test {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::HasSubstr;
+
+TEST(Board, ReadsAndWritesEveryKind) {
+  for (const char* text : {"board:checker,9x6,0.03", "board:circles,4x11,0.02",
+                           "board:circles-symmetric,9x7,0.0125"}) {
+    const absl::StatusOr<Board> board = ParseBoard(text);
+    ASSERT_THAT(board.status(), IsOk());
+    EXPECT_EQ(FormatBoard(*board), text);
+  }
+  const Board board = *ParseBoard("board:circles,4x11,0.02");
+  EXPECT_EQ(board.kind, BoardKind::kCircles);
+  EXPECT_EQ(board.columns, 4);
+  EXPECT_EQ(board.rows, 11);
+  EXPECT_EQ(board.spacing_m, 0.02);
+}
+
+TEST(Board, PlacesPointsAsOpenCvDoes) {
+  const Board checker = *ParseBoard("board:checker,4x3,0.5");
+  const auto corners = checker.Points();
+  ASSERT_EQ(corners.size(), 12u);
+  EXPECT_EQ(corners[5], Eigen::Vector3d(0.5, 0.5, 0));
+  const Board circles = *ParseBoard("board:circles,4x11,0.5");
+  const auto centres = circles.Points();
+  ASSERT_EQ(centres.size(), 44u);
+  EXPECT_EQ(centres[1], Eigen::Vector3d(1, 0, 0));
+  EXPECT_EQ(centres[4], Eigen::Vector3d(0.5, 0.5, 0));
+  EXPECT_EQ(centres[8], Eigen::Vector3d(0, 1, 0));
+}
+
+TEST(Board, KnowsItsTwin) {
+  EXPECT_FALSE(ParseBoard("board:checker,9x6,0.03")->HasTwin());
+  EXPECT_TRUE(ParseBoard("board:checker,8x6,0.03")->HasTwin());
+  EXPECT_TRUE(ParseBoard("board:checker,9x7,0.03")->HasTwin());
+  EXPECT_FALSE(ParseBoard("board:circles,4x11,0.03")->HasTwin());
+  EXPECT_TRUE(ParseBoard("board:circles-symmetric,4x11,0.03")->HasTwin());
+}
+
+TEST(Board, QuotesWhatIsWrong) {
+  const auto fault = [](const char* text) {
+    return std::string(ParseBoard(text).status().message());
+  };
+  EXPECT_THAT(ParseBoard("checker,9x6,0.03"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("board:checker,9x6,0.03 ")));
+  EXPECT_THAT(fault("checker,9x6,0.03"), HasSubstr("begins with board:"));
+  EXPECT_THAT(fault("board:chess,9x6,0.03"), HasSubstr("no kind \"chess\""));
+  EXPECT_THAT(fault("board:checker,9x6"), HasSubstr("2 parts"));
+  EXPECT_THAT(fault("board:checker,9,0.03"), HasSubstr("\"9\" is not COLUMNSxROWS"));
+  EXPECT_THAT(fault("board:checker,9x6,wide"), HasSubstr("\"wide\" is no number"));
+  EXPECT_THAT(fault("board:checker,9x6,nan"), HasSubstr("no number"));
+  EXPECT_THAT(fault("board:checker,9x6,30"), HasSubstr("30 m? It is given in metres: 30 mm are "
+                                                       "0.03"));
+  EXPECT_THAT(fault("board:checker,2x600,0.03"),
+              AllOf(HasSubstr("columns is 2"), HasSubstr("rows is 600")));
+  EXPECT_THAT(fault("board:checker,9x6,0.03m"), HasSubstr("inner corners, not squares"));
+  EXPECT_THAT(fault("board:checker,9x6,-0.03"), HasSubstr("spacing is -0.03 m"));
+}
+
+}  // namespace
+}  // namespace rigcal::board_test

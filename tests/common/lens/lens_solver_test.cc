@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/lens/lens_solver.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "common/lens/lens_difference.h"
+#include "tests/common/lens/known_lens.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::lens_solver_test {
+namespace {
+
+using namespace rigcal::testing;  // the known lens
+using ::testing::AnyOf;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+constexpr double kNoisePx = 0.03;
+
+const Board kBoard = *ParseBoard("board:checker,9x6,0.03");
+
+std::vector<BoardView> Views(const Intrinsics& lens, int count, double most_tilt_rad = 0.7,
+                             uint32_t seed = 3) {
+  const bool wide = lens.model == DistortionModel::kFisheye;
+  const auto poses = WavedBoard(kBoard, lens, kKnownImage, count, wide ? 0.15 : 0.3,
+                                wide ? 0.35 : 0.6, most_tilt_rad, seed, 0.85);
+  return SeenBoards(kBoard, lens, kKnownImage, poses, kNoisePx, seed);
+}
+
+// What the noise of these corners leaves is about half of what the halves differ by.
+TEST(SolveLens, FindsPinholeAndFisheyeByItself) {
+  for (const Intrinsics& lens : {KnownPinhole(), KnownFisheye()}) {
+    const auto solved = SolveLens(Views(lens, 36), kKnownImage);
+    ASSERT_THAT(solved, IsOk());
+    EXPECT_EQ(solved->intrinsics.model, lens.model) << LensModelName(solved->model);
+    const auto difference = CompareLenses(lens, solved->intrinsics, kKnownImage);
+    ASSERT_THAT(difference, IsOk());
+    EXPECT_LT(difference->p95_px, 0.1) << LensModelName(solved->model);
+    EXPECT_NEAR(solved->rms_px, kNoisePx * std::sqrt(2.0), 0.01);
+    EXPECT_GE(solved->held_out_rms_px, solved->rms_px);
+    EXPECT_LT(solved->held_out_rms_px, 1.1 * solved->rms_px);
+    ASSERT_TRUE(solved->halves.has_value());
+    EXPECT_LT(solved->halves->median_px, 0.15);
+    EXPECT_GT(solved->halves->p95_px, difference->p95_px / 3);
+    // Within four sigmas.
+    EXPECT_LT(std::abs(solved->intrinsics.fx_px - lens.fx_px), 4 * solved->sigmas[0]);
+    EXPECT_LT(solved->sigmas[0], 1);
+    EXPECT_EQ(solved->candidates.size(), 4u);
+  }
+}
+
+TEST(SolveLens, AFisheyeSolvedAsAPinholeIsWorse) {
+  const auto views = Views(KnownFisheye(), 30);
+  const auto fisheye = SolveLens(views, kKnownImage, {.model = LensModel::kFisheye});
+  const auto pinhole = SolveLens(views, kKnownImage, {.model = LensModel::kPinhole4});
+  ASSERT_THAT(fisheye, IsOk());
+  ASSERT_THAT(pinhole, IsOk());
+  EXPECT_GT(pinhole->held_out_rms_px, 3 * fisheye->held_out_rms_px);
+  EXPECT_EQ(fisheye->candidates.size(), 1u);
+}
+
+TEST(SolveLens, LeavesOutWrongViewsAndCorners) {
+  const Intrinsics lens = KnownPinhole();
+  auto views = Views(lens, 30);
+  for (BoardCorner& corner : views[4].corners) {
+    corner.pixel.x() += 3 * std::sin(0.05 * corner.pixel.y());  // bent
+  }
+  views[7].corners[3].pixel.x() += 8;
+  const auto solved = SolveLens(views, kKnownImage);
+  ASSERT_THAT(solved, IsOk());
+  EXPECT_THAT(solved->view_results[4].left_out, HasSubstr("fit"));
+  EXPECT_THAT(solved->view_results[5].left_out, IsEmpty());
+  EXPECT_EQ(solved->view_results[7].left_out_corners, 1);
+  EXPECT_EQ(solved->views, static_cast<int>(views.size()) - 1);
+  const auto difference = CompareLenses(lens, solved->intrinsics, kKnownImage);
+  ASSERT_THAT(difference, IsOk());
+  EXPECT_LT(difference->p95_px, 0.15);
+}
+
+TEST(SolveLens, RefusesTooFewViews) {
+  auto views = Views(KnownPinhole(), 12);
+  views.resize(5);
+  EXPECT_THAT(SolveLens(views, kKnownImage),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("at least 6 pictures")));
+  views[0].corners.resize(3);
+  EXPECT_THAT(SolveLens(views, kKnownImage),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("view 0 has 3 corners")));
+}
+
+TEST(SolveLens, RefusesBoardsThatAreNeverTilted) {
+  EXPECT_THAT(SolveLens(Views(KnownPinhole(), 24, 0.0), kKnownImage),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       HasSubstr("focal length and distance cannot be told apart")));
+}
+
+TEST(SolveLens, AdvisesWhereTheImageIsBare) {
+  const Intrinsics lens = KnownPinhole();
+  auto views = Views(lens, 36);
+  for (BoardView& view : views) {
+    std::erase_if(view.corners, [](const BoardCorner& corner) { return corner.pixel.x() < 160; });
+  }
+  std::erase_if(views, [](const BoardView& view) { return view.corners.size() < 12; });
+  const auto solved = SolveLens(views, kKnownImage);
+  ASSERT_THAT(solved, IsOk());
+  EXPECT_THAT(solved->advice, Contains(HasSubstr("no corner in the left fifth of the image")));
+  EXPECT_THAT(solved->advice, Not(Contains(HasSubstr("right fifth"))));
+}
+
+TEST(LensModel, NamesRoundTrip) {
+  for (const LensModel model : AllLensModels()) {
+    EXPECT_EQ(*ParseLensModel(LensModelName(model)), model);
+  }
+  EXPECT_THAT(ParseLensModel("auto"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("\"auto\"")));
+}
+
+}  // namespace
+}  // namespace rigcal::lens_solver_test

@@ -16,9 +16,8 @@ constexpr double kMostLopsided = 7.5;     // of one marker
 constexpr double kLargeRadiusPx = 5.5;    // of a sphere that looks like nothing else
 // Residuals of an outline, over the noise of its pixels: of a usual sphere, and what is too much.
 constexpr double kUsualMisfit = 0.5, kNoisyMisfit = 1, kMostRough = 0.5;
-constexpr double kUsualPixelCost = 1.5;  // half a chi-squared
-constexpr double kMeterNoise = 0.015;    // of a coverage, see MarkerMeter::CollectPixels
-constexpr double kOutlineNoise = 0.03;   // what the model of an outline leaves besides
+constexpr double kMeterNoise = 0.015;   // of a coverage, see MarkerMeter::CollectPixels
+constexpr double kOutlineNoise = 0.03;  // what the model of an outline leaves besides
 // A round outline: of a sphere that the stick, or its shadow, takes a piece of.
 constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostRoundMisfit = 0.4;
 // One sigma of a stretch; of its mean what motion does at most.
@@ -62,7 +61,7 @@ void MeasureShapes(const absl::InlinedVector<const SphereOutline*, 3>& outlines,
   WandFeatures& features = wand->features;
   for (const WandFeature shape :
        {WandFeature::kLopsided, WandFeature::kNoOutline, WandFeature::kNoLargeOutline,
-        WandFeature::kMisfit, WandFeature::kRough, WandFeature::kCorners, WandFeature::kOffOutline,
+        WandFeature::kMisfit, WandFeature::kRough, WandFeature::kOffOutline,
         WandFeature::kUnequalShape}) {
     features[shape] = 0;
   }
@@ -89,7 +88,6 @@ void MeasureShapes(const absl::InlinedVector<const SphereOutline*, 3>& outlines,
     if (!is_large) {
       features[WandFeature::kRough] += std::clamp(misfit - kUsualMisfit, 0.0, kMostRough);
     }
-    features[WandFeature::kCorners] += std::max(0.0, outline.mean_cost - kUsualPixelCost);
     features[WandFeature::kOffOutline] += Squared(outline.off_outline);
     const double weight = 1 / Squared(kStretchSigma + kStretchSigmaPx / outline.radius_px);
     stretches.emplace_back(outline.stretch, weight);

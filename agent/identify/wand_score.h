@@ -19,12 +19,11 @@ enum class WandFeature : uint8_t {
   kNoLargeOutline,  // the same of large ones, which a notch by the stick is enough for
   kMisfit,          // squared residuals of the outlines beyond noise, summed
   kRough,           // residuals of the outlines of small markers beyond the usual ones, summed
-  kCorners,         // cost of the outlines' pixels beyond a sphere's, summed
   kOffOutline,      // squared shares of an edge that are off its outline, summed
   kUnequalShape,    // chi-squared of the outlines' shapes against one another
   kBlurred,         // squared stretch of all outlines beyond the usual one by motion
 };
-inline constexpr size_t kWandFeatureCount = 14;
+inline constexpr size_t kWandFeatureCount = 13;
 
 class WandFeatures {
  public:

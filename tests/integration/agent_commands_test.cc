@@ -236,13 +236,15 @@ TEST_F(AgentCommands, DetectExplainsWhatSpeaksForAndAgainst) {
   ASSERT_EQ(wand.exit_code, 0) << wand.error;
   EXPECT_THAT(wand.output, AllOf(HasSubstr("picture 1: wand, confidence"), HasSubstr("a wand\n"),
                                  HasSubstr("pose"), HasSubstr("log-odds")));
-  // Squares are as alike and as well in line, and their outlines are not those of spheres.
-  cv::Mat squares(1024, 1280, CV_8UC3, cv::Scalar(0, 0, 0));
+  // One of them is much darker than the others.
+  cv::Mat discs(1024, 1280, CV_8UC3, cv::Scalar(90, 90, 90));
   for (const int x : {500, 560, 680}) {
-    cv::rectangle(squares, cv::Rect(x - 9, 491, 18, 18), {0, 140, 255}, cv::FILLED);
+    const bool is_dark = x == 680;
+    cv::circle(discs, {x, 500}, 9, is_dark ? cv::Scalar(0, 50, 92) : cv::Scalar(0, 140, 255),
+               cv::FILLED, cv::LINE_AA);
   }
-  cv::imwrite(Path("squares.png").string(), squares);
-  const CommandResult none = RunCommand({"rigcal-agent", "detect", Path("squares.png").string(),
+  cv::imwrite(Path("discs.png").string(), discs);
+  const CommandResult none = RunCommand({"rigcal-agent", "detect", Path("discs.png").string(),
                                          "--target", kTarget, "--explain", "-o", "json"});
   ASSERT_EQ(none.exit_code, 0) << none.error;
   const json explained = json::parse(none.output);

@@ -139,10 +139,8 @@ LogisticModel Fit(const std::vector<LogisticSample>& samples, const LogisticMode
   for (size_t k = 0; k < agent::kWandFeatureCount; ++k) {
     const auto at = static_cast<Eigen::Index>(k);
     const double most = agent::WeightOf(static_cast<WandFeature>(k)).most;
-    // The rendered wands are orange, and no room is full of squares: they do not say what white and
-    // corners are worth.
-    const auto feature = static_cast<WandFeature>(k);
-    if (feature == WandFeature::kWhite || feature == WandFeature::kCorners) {
+    // The rendered wands are orange: they do not say what white is worth.
+    if (static_cast<WandFeature>(k) == WandFeature::kWhite) {
       sigmas[at] = kFixed;
       continue;
     }

@@ -135,13 +135,21 @@ bool FindCircles(const Board& board, const cv::Mat& grey, const cv::Size& size,
          cv::findCirclesGrid(grey, size, *found, kind | cv::CALIB_CB_CLUSTERING, blobs);
 }
 
+// By the measured saddle of each corner; where that fails, of boards whose margin the border cuts
+// or that are blurred, by the outlines of the black squares, which find a little more.
+bool FindCorners(const cv::Mat& grey, const cv::Size& size, std::vector<cv::Point2f>* found) {
+  return cv::findChessboardCornersSB(grey, size, *found, cv::CALIB_CB_NORMALIZE_IMAGE) ||
+         cv::findChessboardCorners(
+             grey, size, *found,
+             cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK);
+}
+
 std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey) {
   const cv::Size size(board.columns, board.rows);
   const bool is_checker = board.kind == BoardKind::kChecker;
   std::vector<cv::Point2f> found;
   const bool is_found =
-      is_checker ? cv::findChessboardCornersSB(grey, size, found, cv::CALIB_CB_NORMALIZE_IMAGE)
-                 : FindCircles(board, grey, size, &found);
+      is_checker ? FindCorners(grey, size, &found) : FindCircles(board, grey, size, &found);
   if (!is_found || found.size() != static_cast<size_t>(board.point_count())) return std::nullopt;
   SeenBoard seen;
   for (const cv::Point2f& point : found) seen.pixels.emplace_back(point.x, point.y);

@@ -160,6 +160,13 @@ absl::StatusOr<WandExplanation> WandDetector::Explain(const ImageView& image) {
     if (a.refusal.empty() != b.refusal.empty()) return a.refusal.empty();
     return a.wand.log_odds > b.wand.log_odds;
   });
+  // The same spots are found at several levels of colour.
+  const auto repeated =
+      std::ranges::unique(explanation.trials, [](const WandTrial& a, const WandTrial& b) {
+        return a.refusal.empty() && b.refusal.empty() && a.wand.log_odds == b.wand.log_odds &&
+               SamePlaces(a.wand, b.wand);
+      });
+  explanation.trials.erase(repeated.begin(), repeated.end());
   return explanation;
 }
 

@@ -348,7 +348,6 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   start->slope_covariance =
       covariance.block<2, 2>(kOutlineSlopeX, kOutlineSlopeX) / (brightness * brightness);
   start->cost = system.cost;
-  start->mean_cost = system.cost / static_cast<double>(pixels.size());
   start->white = shading.white;
   start->parameters = q;
   start->stretch = -q.segment<2>(kOutlineStretch);

@@ -54,9 +54,8 @@ struct SphereOutline {
   // of the noise over this, the noise being `pixel_noise` by the residuals.
   double follows = 1;
   double pixel_noise = 1;
-  double cost = 0;       // of the fit, robust, half a chi-squared
-  double mean_cost = 0;  // the same of a pixel
-  bool white = false;    // SphereShading::white
+  double cost = 0;     // of the fit, robust, half a chi-squared
+  bool white = false;  // SphereShading::white
   // Sum of squares of how far the edge is from the outline, sector by sector, each over its
   // variance by the pixels' noise, and its degrees of freedom. Noise that neighbouring pixels share
   // and a model that does not fit make it larger.

@@ -47,7 +47,7 @@ absl::StatusOr<std::string> FetchCa(const std::string& address, const JoinString
 template <typename Try>
 absl::Status TryInTurn(const std::vector<std::string>& addresses, const Try& attempt) {
   std::vector<std::string> faults;
-  bool all_answered = true;
+  bool all_answered = !addresses.empty();
   for (const std::string& address : addresses) {
     const absl::Status status = attempt(address);
     if (!absl::IsUnavailable(status) && !absl::IsAborted(status)) return status;

@@ -228,33 +228,6 @@ TEST(SphereOutlineFitter, CovarianceIsThatOfTheErrors) {
   EXPECT_LT(nees, 1.3);
 }
 
-// A label on a book: nearly as wide as high, and as round as it is to a few pixels of its edge.
-TEST(SphereOutlineFitter, ASquareCostsMoreThanADisc) {
-  constexpr double kLittleNoise = 0.015, kHalfWidth = 7, kHalfHeight = 6, kBlur = 0.7;
-  SphereOutlineFitter fitter;
-  const double radius = 2 * std::sqrt(kHalfWidth * kHalfHeight / std::numbers::pi);
-  const Eigen::Matrix2d shape = 0.25 * radius * radius * Eigen::Matrix2d::Identity();
-  OutlinePixels pixels = Disc({0.2, 0.1}, radius, 0, 3, kLittleNoise);
-  SphereOutline disc{.centre_px = {0, 0}, .radius_px = radius};
-  ASSERT_TRUE(fitter.Fit(pixels, shape, {}, &disc));
-  EXPECT_LT(disc.mean_cost, 0.6);
-  std::mt19937 random(3);
-  std::normal_distribution<double> noise(0, kLittleNoise);
-  const auto within = [](double at, double half) {
-    const double scale = kBlur * std::numbers::sqrt2;
-    return 0.5 * (std::erf((at + half) / scale) - std::erf((at - half) / scale));
-  };
-  for (size_t i = 0; i < pixels.size(); ++i) {
-    const double cover = within(static_cast<double>(pixels.x[i]) - 0.2, kHalfWidth) *
-                         within(static_cast<double>(pixels.y[i]) - 0.1, kHalfHeight);
-    pixels.coverage[i] = static_cast<float>(cover + noise(random));
-  }
-  SphereOutline square{.centre_px = {0, 0}, .radius_px = radius};
-  ASSERT_TRUE(fitter.Fit(pixels, shape, {}, &square));
-  EXPECT_GT(square.mean_cost, 2 * disc.mean_cost);
-  EXPECT_GT(square.mean_cost, 1.2);
-}
-
 TEST(SphereOutlineFitter, RefusesNothingAndHalfADisc) {
   SphereOutlineFitter fitter;
   OutlinePixels pixels;

@@ -214,6 +214,11 @@ TEST_F(JoinServer, SendsNothingToAnImpostorWhoAddsHisOwnCa) {
 // Another program has the address: a firewall is not the cause.
 TEST_F(JoinServer, NamesAnotherProgramAtTheAddress) {
   StartServer();
+  // Where nobody was asked, nobody answered.
+  PeerIdentity nowhere = *rigcal::JoinServer(MakeJoin(), "pc-1");
+  nowhere.https.clear();
+  EXPECT_THAT(RenewIdentity(nowhere),
+              StatusIs(absl::StatusCode::kUnavailable, Not(HasSubstr("Another program"))));
   Impostor impostor("");
   rigcal::JoinString join = MakeJoin();
   join.https_port = impostor.port();

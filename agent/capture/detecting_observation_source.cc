@@ -15,7 +15,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr std::chrono::seconds kWarnInterval{10};
-constexpr int kFramesOfOtherWand = 20;  // before it is said
+constexpr int kFramesOfOtherWand = 20, kInterlacedFrames = 20;  // before it is said
 // Of the image: background that is worth a line in the log, and again when it has grown so much.
 constexpr double kWorthALine = 1e-4, kGrown = 2;
 
@@ -69,7 +69,7 @@ absl::Status DetectingObservationSource::Start(const Target& target) {
   reported_background_ = 0;
   exposure_facts_ = {.blink_s = BlinkPeriodS(target)};
   exposure_checked_ = false;
-  other_wand_frames_ = 0;
+  other_wand_frames_ = interlaced_frames_ = 0;
   detection_ = {};
   detections_ = {};
   refused_ = {};
@@ -197,9 +197,20 @@ void DetectingObservationSource::CheckWand() {
       description().camera, detection_.other_middle_share, std::min(told, 1 - told));
 }
 
+// Once in a capture.
+void DetectingObservationSource::CheckInterlacing() {
+  if (!detection_.looks_interlaced || ++interlaced_frames_ != kInterlacedFrames) return;
+  spdlog::warn(
+      "camera {}: {} frames show what moves at two places, in odd and in even rows: the video "
+      "is interlaced, and spheres are found between the two or not at all. Record progressive "
+      "video, or make a frame of each field (ffmpeg: -vf bwdif=mode=send_field)",
+      description().camera, interlaced_frames_);
+}
+
 void DetectingObservationSource::Note(const Frame& frame) {
   detections_.Add(detection_.outcome);
   CheckWand();
+  CheckInterlacing();
   const auto example = [&](std::string_view what) {
     return absl::StrCat("frame at ", frame.time_ns, " ns: ", std::string(what));
   };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/identify/colour_mosaic.h"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cstdlib>
 
@@ -12,6 +13,12 @@ constexpr int kLeastPixels = 200;
 // their neighbours by at most this share of what they do at the other places.
 constexpr double kInterpolated = 0.5;
 constexpr double kLeastGrey = 0.6;  // of these; rounding alone makes 0.25
+
+// Colours that differ less from each other than this share of what brightness does tell nothing.
+constexpr float kLeastColour = 0.1f;
+// Sharpness of colour over that of brightness: 0.1 to 0.75 at half the resolution (up to 1 behind a
+// mosaic), 1 at the same; noise, of which colour has more, makes it larger.
+constexpr float kBlurredColour = 0.95f;
 
 }  // namespace
 
@@ -59,6 +66,35 @@ std::optional<ColourMosaic> FindMosaic(const ImageView& image, const PixelRect& 
   const double elsewhere = (all - best) / 3;
   if (elsewhere < kLeastGrey || best > kInterpolated * elsewhere) return std::nullopt;
   return found;
+}
+
+std::optional<bool> IsColourBlurred(const ImageView& image, const PixelRect& part) {
+  if (image.format == PixelFormat::kMono8) return false;
+  const int left = std::max(part.x, 1), right = std::min(part.x + part.width, image.width - 1);
+  const int top = std::max(part.y, 1), bottom = std::min(part.y + part.height, image.height - 1);
+  // Sums of the squares of first and second differences: of the brightness, and of the two
+  // differences of colour.
+  Eigen::Array3f first = Eigen::Array3f::Zero(), second = Eigen::Array3f::Zero();
+  const auto parts_of = [](const uint8_t* pixel) {
+    const float blue = pixel[0], red = pixel[2];
+    const float luma = kLuma[0] * blue + kLuma[1] * pixel[1] + kLuma[2] * red;
+    return Eigen::Array3f(luma, blue - luma, red - luma);
+  };
+  for (int y = top; y < bottom; ++y) {
+    for (int x = left; x < right; ++x) {
+      const Eigen::Array3f here = parts_of(image.Row(y) + 3 * x);
+      const Eigen::Array3f beside[2] = {parts_of(image.Row(y) + 3 * (x - 1)),
+                                        parts_of(image.Row(y) + 3 * (x + 1))};
+      const Eigen::Array3f above[2] = {parts_of(image.Row(y - 1) + 3 * x),
+                                       parts_of(image.Row(y + 1) + 3 * x)};
+      first += (beside[1] - beside[0]).square() + (above[1] - above[0]).square();
+      second +=
+          (beside[1] + beside[0] - 2 * here).square() + (above[1] + above[0] - 2 * here).square();
+    }
+  }
+  const float colour_first = first[1] + first[2];
+  if (!(colour_first > kLeastColour * first[0])) return std::nullopt;
+  return (second[1] + second[2]) * first[0] < kBlurredColour * second[0] * colour_first;
 }
 
 }  // namespace rigcal::agent

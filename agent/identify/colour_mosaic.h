@@ -25,4 +25,13 @@ struct ColourMosaic {
 // compressed or scaled, and where `part` shows too little.
 std::optional<ColourMosaic> FindMosaic(const ImageView& image, const PixelRect& part);
 
+// The weights of blue, green and red in the brightness that JPEG and video keep at full resolution
+// (ITU-R BT.601), while they keep colour at half of it.
+inline constexpr float kLuma[3] = {0.114f, 0.587f, 0.299f};
+
+// Whether colour is more blurred than brightness, as in pictures that were coded with chroma
+// subsampling (4:2:0): the second differences of colour over its first ones are smaller. Nothing
+// where `part` shows hardly any change of colour.
+std::optional<bool> IsColourBlurred(const ImageView& image, const PixelRect& part);
+
 }  // namespace rigcal::agent

@@ -30,6 +30,7 @@ struct Detection {
   // Without a wand: three like spheres are in line, but the middle one is not where the target says
   // (OtherWand). 0: no such three. Likewise, the size of three that are spaced as it says.
   double other_middle_share = 0, other_size_ratio = 0;
+  bool looks_interlaced = false;  // odd and even rows show what moves at two places
 };
 
 }  // namespace rigcal::agent

@@ -64,6 +64,7 @@ class MarkerMeter {
   void StartImage() {
     mosaic_.reset();
     mosaic_tries_ = 0;
+    is_colour_blurred_.reset();
   }
 
   // False where there is nothing to measure: no contrast, or a window without background. Of a
@@ -120,6 +121,7 @@ class MarkerMeter {
   bool has_measured_ = false;
   std::optional<ColourMosaic> mosaic_;  // of the image
   int mosaic_tries_ = 0;
+  std::optional<bool> is_colour_blurred_;
   std::optional<MarkerAperture> outlined_;  // of the last Measure
 };
 

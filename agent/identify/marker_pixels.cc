@@ -19,6 +19,7 @@ constexpr double kModelNoise = 0.015;  // of the outline's model, in units of co
 constexpr int kMosaicTries = 3;        // of an image
 constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
 constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
+constexpr float kLeastLuma = 0.4f;     // brightness of a marker, of all channels together
 constexpr float kMostWhite = 6;
 constexpr double kRimPx = 5;         // further inside every fifth pixel is enough
 constexpr double kInsideStep = 5.3;  // not in step with a mosaic
@@ -88,11 +89,19 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
   const UsedChannels channels = ChannelsToUse(how.background, centre);
   const Eigen::Vector3f& used = channels.used;
   pixels->clipped = channels.clipped;
+  const Eigen::Map<const Eigen::Vector3f> luma(kLuma);
   const auto least = static_cast<float>(channels.least_grey);
   if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
     mosaic_ = FindMosaic(image, how.window.rect);
     ++mosaic_tries_;
   }
+  if (!mosaic_ && !is_colour_blurred_) {
+    is_colour_blurred_ = IsColourBlurred(image, how.window.rect);
+  }
+  // Then only brightness says where an edge is; of a blue marker it says too little.
+  const bool by_luma = !mosaic_ && is_colour_blurred_.value_or(false) &&
+                       plateau.dot(luma) > kLeastLuma * plateau.norm();
+  if (by_luma) pixels->clipped = centre.saturated != std::array<bool, 3>{};
   const Eigen::Matrix2d outside = aperture.Grown(how.reach_px);
   unsure_grey_.assign(arcs.size(), Eigen::Vector3f::Zero());
   for (size_t k = 0; how.near && k < arcs.size(); ++k) {
@@ -112,7 +121,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     if (turn < step) return;
     turn -= step;
     const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
-    if (!mosaic_ && !how.near && used.minCoeff() > 0) {
+    if (!mosaic_ && !how.near && !by_luma && used.minCoeff() > 0) {
       pixels->Add(at_x, at_y, share_[i], precision);
       return;
     }
@@ -126,6 +135,14 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
       const double out_px = (std::sqrt(d.dot(aperture.shape * d)) - 1) * aperture.b;
       const double seen = std::clamp(0.5 + 0.5 * out_px, 0.0, 1.0);
       unsure = static_cast<float>(seen) * unsure_grey_[arc];
+    }
+    if (by_luma) {
+      const float contrast = range.dot(luma);
+      if (std::abs(contrast) < least) return;
+      pixels->Add(at_x, at_y, above.dot(luma) / contrast,
+                  1 / Root(single_noise / std::abs(contrast), model_noise), 1,
+                  background.maxCoeff() >= kSaturatedGrey, std::abs(unsure.dot(luma) / contrast));
+      return;
     }
     if (!mosaic_) {
       range = range.cwiseProduct(used);

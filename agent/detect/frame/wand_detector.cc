@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/detect/frame/image_exposure.h"
+#include "agent/detect/frame/interlacing.h"
 #include "agent/detect/frame/other_spacing.h"
 #include "common/status/status_macros.h"
 
@@ -136,6 +137,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   detection.white_share = search_.white_share();
   detection.dismissed_patches = search_.dismissed();
   detection.blob_count = static_cast<int>(search_.result().blobs.size());
+  detection.looks_interlaced = LooksInterlaced(image, search_.result().blobs);
   if (wand.has_value()) {
     Follow(*wand, &detection);
   } else {

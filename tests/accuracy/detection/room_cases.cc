@@ -102,6 +102,12 @@ std::vector<DetectionCase> RoomCases(const std::vector<std::string>& photographs
          MakeOffice(options);
          options->render.defocus_px = 1.5;
        }},
+      {"dark, JPEG",
+       [](DetectionOptions* options) {
+         MakeRoom(options);
+         options->render.lux = 10;
+         options->render.jpeg_quality = 75;
+       }},
       {"dark, cut by the border",
        [](DetectionOptions* options) {
          MakeRoom(options);

@@ -100,5 +100,63 @@ TEST(FindMosaic, NoneWhereAllChannelsAreMeasuredOrNothingIsToBeSeen) {
   EXPECT_FALSE(FindMosaic(smooth.View(), {0, 0, kSize, kSize}));
 }
 
+// Colour at half the resolution, interpolated, as decoders of JPEG and H.264 return it.
+Picture Subsampled(const Picture& plain) {
+  constexpr int kHalf = kSize / 2;
+  std::vector<double> luma(kSize * kSize), half(kHalf * kHalf * 3);
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x) {
+      const size_t i = static_cast<size_t>(y * kSize + x);
+      for (size_t c = 0; c < 3; ++c) luma[i] += kLuma[c] * plain.pixels[3 * i + c];
+      for (size_t c = 0; c < 3; ++c) {
+        half[static_cast<size_t>(y / 2 * kHalf + x / 2) * 3 + c] +=
+            0.25 * (plain.pixels[3 * i + c] - luma[i]);
+      }
+    }
+  }
+  Picture picture = plain;
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x) {
+      // The nearer of two counts three times.
+      const int u = x / 2, v = y / 2;
+      const int other_u = std::clamp(x % 2 == 0 ? u - 1 : u + 1, 0, kHalf - 1);
+      const int other_v = std::clamp(y % 2 == 0 ? v - 1 : v + 1, 0, kHalf - 1);
+      for (int c = 0; c < 3; ++c) {
+        const auto at = [&](int column, int row) {
+          return half[static_cast<size_t>((row * kHalf + column) * 3 + c)];
+        };
+        const double difference =
+            (9 * at(u, v) + 3 * at(other_u, v) + 3 * at(u, other_v) + at(other_u, other_v)) / 16;
+        const double grey = luma[static_cast<size_t>(y * kSize + x)] + difference;
+        picture.At(x, y, c) = static_cast<uint8_t>(std::clamp(std::lround(grey), 0l, 255l));
+      }
+    }
+  }
+  return picture;
+}
+
+TEST(IsColourBlurred, TellsColourAtHalfTheResolution) {
+  const PixelRect part{3, 2, 27, 28};
+  EXPECT_EQ(IsColourBlurred(Plain().View(), part), std::optional(false));
+  EXPECT_EQ(IsColourBlurred(Subsampled(Plain()).View(), part), std::optional(true));
+}
+
+TEST(IsColourBlurred, SaysNothingOfGrey) {
+  Picture grey = Plain();
+  for (size_t i = 0; i < grey.pixels.size(); i += 3) {
+    grey.pixels[i] = grey.pixels[i + 1] = grey.pixels[i + 2];
+  }
+  EXPECT_EQ(IsColourBlurred(grey.View(), {3, 2, 27, 28}), std::nullopt);
+  // One channel is as sharp as itself.
+  EXPECT_EQ(IsColourBlurred({grey.pixels.data(), kSize, kSize, kSize, PixelFormat::kMono8},
+                            {3, 2, 27, 28}),
+            std::optional(false));
+}
+
+TEST(IsColourBlurred, SurvivesPartsOutsideOfTheImage) {
+  EXPECT_EQ(IsColourBlurred(Plain().View(), {0, 0, 0, 0}), std::nullopt);
+  EXPECT_EQ(IsColourBlurred(Plain().View(), {-5, -5, 60, 60}), std::optional(false));
+}
+
 }  // namespace
 }  // namespace rigcal::agent::colour_mosaic_test

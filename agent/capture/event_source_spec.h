@@ -17,13 +17,13 @@ class EventSourceSpec : public SourceSpec {
   // The events alone.
   virtual absl::StatusOr<std::unique_ptr<Product>> Make() const = 0;
   absl::StatusOr<std::unique_ptr<ObservationSource>> Create() const final;
+  void AddDetector(OptionTable* table);
 
   BlinkWandDetectorOptions detector;
 
  protected:
   static constexpr double kDefaultRateHz = 200;
 
-  void AddDetector(OptionTable* table);
   absl::Status CheckDetector();
 
  private:

@@ -16,11 +16,9 @@ class FrameSourceSpec : public SourceSpec {
   // The frames alone.
   virtual absl::StatusOr<std::unique_ptr<Product>> Make() const = 0;
   absl::StatusOr<std::unique_ptr<ObservationSource>> Create() const final;
+  void AddDetector(OptionTable* table);
 
   DetectingOptions detecting;
-
- protected:
-  void AddDetector(OptionTable* table);
 };
 
 }  // namespace rigcal::agent

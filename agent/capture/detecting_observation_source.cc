@@ -61,7 +61,7 @@ absl::Status DetectingObservationSource::Start(const Target& target) {
   RIGCAL_RETURN_IF_ERROR(MakeDetector());
   learner_.reset();
   learn_until_ns_.reset();
-  if (options_.learn_mask_s > 0) {
+  if (options_.learn_mask_s > 0 && target_.IsLine()) {
     RIGCAL_ASSIGN_OR_RETURN(
         learner_, StaticMaskLearner::Create(control_.colour(), description().image_size_px));
   }
@@ -88,7 +88,7 @@ absl::Status DetectingObservationSource::MakeDetector() {
   detector_->SetIgnored(Union(start_mask_, control_.ignored()));
   // What was learnt of another colour is not all there is.
   background_.reset();
-  if (options_.background_s > 0) {
+  if (options_.background_s > 0 && target_.IsLine()) {
     RIGCAL_ASSIGN_OR_RETURN(
         background_,
         BackgroundLearner::Create(options.colour, camera.image_size_px, options_.background_s));

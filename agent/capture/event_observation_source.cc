@@ -17,7 +17,7 @@ constexpr uint64_t kOneSwitchWands = 20;      // likewise that pixels answer one
 }  // namespace
 
 absl::Status EventObservationSource::Start(const Target& target) {
-  RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
+  RIGCAL_RETURN_IF_ERROR(CheckIsLine(target));
   ended_ = true;
   detector_.reset();
   past_faults_ = EventFaults();

@@ -30,8 +30,15 @@ cv::Mat CopyOf(const ImageView& image) {
 // How far the corner has moved that has moved furthest.
 double FurthestMove(const BoardView& a, const BoardView& b) {
   double furthest = 0;
-  for (size_t i = 0; i < a.corners.size(); ++i) {
-    furthest = std::max(furthest, (a.corners[i].pixel - b.corners[i].pixel).norm());
+  size_t k = 0;
+  for (const BoardCorner& corner : a.corners) {
+    // Both are in the order of the board's points, of which some may be missing.
+    const auto same = std::find_if(
+        b.corners.begin() + static_cast<ptrdiff_t>(k), b.corners.end(),
+        [&](const BoardCorner& other) { return other.x_in_board_m == corner.x_in_board_m; });
+    if (same == b.corners.end()) continue;
+    k = static_cast<size_t>(same - b.corners.begin());
+    furthest = std::max(furthest, (corner.pixel - same->pixel).norm());
   }
   return furthest;
 }
@@ -91,7 +98,8 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
     BoardView view;
     view.name = absl::StrCat("picture ", result.pictures);
     for (size_t i = 0; i < points.size(); ++i) {
-      view.corners.push_back({points[i], seen->pixels[i]});
+      if (!seen->Sees(i)) continue;
+      view.corners.push_back({points[i], seen->pixels[i], 0.5 * board.CircleDiameter()});
     }
     if (options.only_different) {
       const double edge = seen->edge_width_px;

@@ -34,7 +34,7 @@ struct MaskFlags {
 
 absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
-  RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
+  RIGCAL_RETURN_IF_ERROR(CheckIsLine(target));
   RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec->Make());

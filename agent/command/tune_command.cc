@@ -29,7 +29,7 @@ struct TuneFlags {
 
 absl::StatusOr<TunedColour> LearnColour(const TuneFlags& flags) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
-  RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
+  RIGCAL_RETURN_IF_ERROR(CheckIsLine(target));
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec->Make());
   RIGCAL_ASSIGN_OR_RETURN(ColourTuner tuner, ColourTuner::Create(target, frames->description()));

@@ -95,7 +95,7 @@ ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
   const absl::StatusOr<LocalPlan> plan =
       options.simulation.has_value()
           ? PlanSimulated(*options.simulation, options.target, options.speed)
-          : PlanRecorded(*recorded, options.speed, options.event_options, folder->path());
+          : PlanRecorded(*recorded, options.speed, options.recording, folder->path());
   if (!plan.ok()) return context.Fail(plan.status());
 
   const absl::StatusOr<LocalOutcome> outcome =

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "client/commands/command_context.h"
+#include "client/local/local_plan.h"
 #include "common/calibration/calibration_options.h"
 #include "common/simulation/simulated_rig_options.h"
 #include "common/target/target.h"
@@ -22,7 +23,7 @@ struct LocalOptions {
   Target target;
   std::string keep;           // empty: nothing is kept
   std::string speed = "max";  // or a factor of the recorded pace
-  std::string event_options;  // of recordings of events, as behind `raw:FILE;`
+  RecordingOptionTexts recording;
   CalibrationOptions calibration;
 
   // Folder of rigcal-server and rigcal-agent; empty: beside this program.

@@ -2,6 +2,7 @@
 #include "client/local/local_plan.h"
 
 #include <algorithm>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -36,6 +37,20 @@ absl::StatusOr<fs::path> ReachableFolder(const fs::path& folder, const fs::path&
   return link;
 }
 
+std::string_view SourceOf(RecordingKind kind) {
+  switch (kind) {
+    case RecordingKind::kMarkers:
+      return "csv";
+    case RecordingKind::kEvents:
+      return "raw";
+    case RecordingKind::kImages:
+      return "images";
+    case RecordingKind::kVideo:
+      return "video";
+  }
+  return "csv";
+}
+
 // Options in an agent's notation, without `seed`, which the world's options have already.
 void AppendParts(const std::string& parts, std::string* options) {
   for (const auto part : absl::StrSplit(parts, ';', absl::SkipEmpty())) {
@@ -59,20 +74,31 @@ std::string OptionsOf(const SimulatedRigOptions& rig, bool events) {
 }  // namespace
 
 absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::string& speed,
-                                       const std::string& event_options, const fs::path& link_in) {
+                                       const RecordingOptionTexts& options,
+                                       const fs::path& link_in) {
   RIGCAL_ASSIGN_OR_RETURN(const fs::path reachable, ReachableFolder(folder.path, link_in));
   LocalPlan plan;
   for (const RecordedCamera& camera : folder.cameras) {
     // The name first, so that a '=' in the path does not end one.
     std::string source =
-        absl::StrCat(camera.camera, camera.events ? "=raw:" : "=csv:",
+        absl::StrCat(camera.camera, "=", SourceOf(camera.kind), ":",
                      (reachable / camera.recording.filename()).string(), ";speed=", speed);
-    if (camera.events && !event_options.empty()) absl::StrAppend(&source, ";", event_options);
+    if (camera.kind == RecordingKind::kEvents && !options.events.empty()) {
+      absl::StrAppend(&source, ";", options.events);
+    }
+    if (camera.IsFrames() && !options.frames.empty()) absl::StrAppend(&source, ";", options.frames);
     plan.cameras.push_back({camera.camera, std::move(source), 0});
   }
-  if (!event_options.empty() && std::ranges::none_of(folder.cameras, &RecordedCamera::events)) {
+  const bool has_events =
+      std::ranges::count(folder.cameras, RecordingKind::kEvents, &RecordedCamera::kind) > 0;
+  if (!options.events.empty() && !has_events) {
     return absl::InvalidArgumentError(
-        absl::StrCat("\"", event_options, "\" is for recordings of events, and there is none in ",
+        absl::StrCat("\"", options.events, "\" is for recordings of events, and there is none in ",
+                     folder.path.string()));
+  }
+  if (!options.frames.empty() && std::ranges::none_of(folder.cameras, &RecordedCamera::IsFrames)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", options.frames, "\" is for images and videos, and there are none in ",
                      folder.path.string()));
   }
   return plan;

@@ -22,13 +22,18 @@ struct LocalPlan {
   double duration_s = 0;                // of the wave; 0: not known
 };
 
-// `speed`: "max" or a factor of the recorded pace, as the agent's source takes it. `event_options`:
-// behind the source of each recording of events, "rate=500;clock=cable"; may be empty;
-// INVALID_ARGUMENT where there is no such recording. A folder with a
-// ';' in its path, which the agent's notation cannot carry, is reached through a link in `link_in`;
-// INVALID_ARGUMENT where that path has one, too.
+// Options behind the sources of a recording; empty: none.
+struct RecordingOptionTexts {
+  std::string events;  // of recordings of events: "rate=500;clock=cable"
+  std::string frames;  // of images and videos: "fps=25"
+};
+
+// `speed`: "max" or a factor of the recorded pace, as the agent's source takes it.
+// INVALID_ARGUMENT: options of recordings that are not there. A folder with a ';' in its path,
+// which the agent's notation cannot carry, is reached through a link in `link_in`; INVALID_ARGUMENT
+// where that path has one, too.
 absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::string& speed,
-                                       const std::string& event_options,
+                                       const RecordingOptionTexts& options,
                                        const std::filesystem::path& link_in);
 absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Target& target,
                                         const std::string& speed);

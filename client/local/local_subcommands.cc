@@ -27,11 +27,15 @@ void AddLocalCommand(CommandParser& parser) {
       "Calibrate a recorded or simulated rig on this machine: starts a server and one agent per "
       "camera, captures, calibrates, prints the result and leaves nothing running",
       RunLocal, /*asks_server=*/false);
-  AddOption(app, "--data", "DIR", &options->data,
-            "Folder with a recording: <camera>.csv (time_ns;x0;y0;x1;y1;..., -1: not seen), "
-            "or events in <camera>.raw, .h5 or .hdf5, and <camera>.yaml (OpenCV intrinsics) "
-            "for each camera");
-  AddOption(app, "--event-options", "OPTIONS", &options->event_options,
+  AddOption(
+      app, "--data", "DIR", &options->data,
+      "Folder with a recording: <camera>.csv (time_ns;x0;y0;x1;y1;..., -1: not seen), "
+      "events in <camera>.raw, .h5 or .hdf5, images in a folder <camera>, or a video "
+      "<camera>.mp4 (.mkv, .avi, ...), and <camera>.yaml (OpenCV intrinsics) for each camera");
+  AddOption(app, "--frame-options", "OPTIONS", &options->recording.frames,
+            "With --data: how images and videos are read, as behind images:FOLDER; such as "
+            "\"fps=25\" where they have no times");
+  AddOption(app, "--event-options", "OPTIONS", &options->recording.events,
             "With --data: how recordings of events are read, as behind raw:FILE; such as "
             "\"rate=500;clock=cable\" for sensors on one sync cable");
   AddParsedOption(
@@ -54,8 +58,10 @@ void AddLocalCommand(CommandParser& parser) {
     if (app->count("--data") == 1 && app->count("--target") == 0) {
       throw CLI::RequiredError("--target, such as --target " + std::string(kDefaultTarget));
     }
-    if (app->count("--data") == 0 && app->count("--event-options") == 1) {
-      throw CLI::ValidationError("--event-options", "is for --data");
+    for (const char* of_data : {"--event-options", "--frame-options"}) {
+      if (app->count("--data") == 0 && app->count(of_data) == 1) {
+        throw CLI::ValidationError(of_data, "is for --data");
+      }
     }
     if (app->count("--data") == 1 && options->data.empty()) {
       throw CLI::ValidationError("--data", "is empty");

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/local/recorded_folder.h"
 
+#include <algorithm>
+#include <iterator>
 #include <map>
 #include <set>
+#include <string_view>
 #include <system_error>
 
 #include "absl/strings/ascii.h"
@@ -20,17 +23,45 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kLayout[] =
-    "a recorded rig is a folder with <camera>.csv (markers) or <camera>.raw, .h5 or .hdf5 (events) "
-    "and <camera>.yaml (intrinsics; .yml, .xml and .json, too) for each camera";
+    "a recorded rig is a folder with <camera>.csv (markers), <camera>.raw, .h5 or .hdf5 (events), "
+    "a folder <camera> of images or a video <camera>.mp4, and <camera>.yaml (intrinsics; .yml, "
+    ".xml "
+    "and .json, too) for each camera";
 
 struct Listing {
   std::map<std::string, std::set<std::string>> recordings;  // file names, by stem
+  std::map<std::string, std::set<std::string>> frames;      // folders of images and videos
   std::set<std::string> yaml;                               // stems of .yaml
 };
 
-bool IsEventFile(const fs::path& file) {
-  const std::string extension = absl::AsciiStrToLower(file.extension().string());
-  return extension == ".raw" || extension == ".h5" || extension == ".hdf5";
+constexpr std::string_view kEventEndings[] = {".raw", ".h5", ".hdf5"};
+constexpr std::string_view kVideoEndings[] = {".mp4", ".mkv",  ".avi", ".mov",
+                                              ".m4v", ".webm", ".mpg"};
+constexpr std::string_view kImageEndings[] = {".png", ".jpg",  ".jpeg", ".bmp",
+                                              ".tif", ".tiff", ".pgm",  ".webp"};
+
+template <size_t kCount>
+bool EndsWithOneOf(const fs::path& file, const std::string_view (&endings)[kCount]) {
+  return std::ranges::find(endings, absl::AsciiStrToLower(file.extension().string())) !=
+         std::end(endings);
+}
+
+bool IsEventFile(const fs::path& file) { return EndsWithOneOf(file, kEventEndings); }
+
+bool HasImages(const fs::path& folder) {
+  std::error_code error;
+  fs::directory_iterator entry(folder, error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    if (EndsWithOneOf(entry->path(), kImageEndings)) return true;
+  }
+  return false;
+}
+
+RecordingKind KindOf(const fs::path& recording) {
+  std::error_code error;
+  if (IsEventFile(recording)) return RecordingKind::kEvents;
+  if (fs::is_directory(recording, error)) return RecordingKind::kImages;
+  return EndsWithOneOf(recording, kVideoEndings) ? RecordingKind::kVideo : RecordingKind::kMarkers;
 }
 
 absl::StatusOr<Listing> List(const fs::path& folder) {
@@ -51,6 +82,10 @@ absl::StatusOr<Listing> List(const fs::path& folder) {
     if (stem.empty() || stem.front() == '.') continue;
     if (absl::AsciiStrToLower(file.extension().string()) == ".csv" || IsEventFile(file)) {
       listing.recordings[stem].insert(file.filename().string());
+    }
+    const bool is_folder = fs::is_directory(file, error);
+    if (is_folder ? HasImages(file) : EndsWithOneOf(file, kVideoEndings)) {
+      listing.frames[is_folder ? file.filename().string() : stem].insert(file.filename().string());
     }
     if (file.extension() == ".yaml") listing.yaml.insert(stem);
   }
@@ -73,7 +108,7 @@ void CheckCamera(const RecordedCamera& camera, FaultList* faults) {
   } else if (const auto intrinsics = ReadIntrinsicsFile(yaml, camera.camera); !intrinsics.ok()) {
     faults->Add("camera ", camera.camera, ": ", std::string(intrinsics.status().message()));
   }
-  if (camera.events) return;
+  if (camera.kind != RecordingKind::kMarkers) return;
   if (const auto layout = FindCsvLayoutOfFile(camera.recording.string()); !layout.ok()) {
     faults->Add("camera ", camera.camera, ": ", std::string(layout.status().message()));
   }
@@ -89,10 +124,24 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
   if (error) folder.path = path;
 
   FaultList faults;
-  for (const auto& [stem, files] : listing.recordings) {
+  // Markers and events are taken where there are images as well: somebody has found them.
+  std::map<std::string, std::set<std::string>> recordings = listing.recordings;
+  for (const auto& [stem, files] : listing.frames) {
+    const std::string lens = LensFileBeside((folder.path / *files.begin()).string());
+    if (recordings.contains(stem)) continue;
+    if (fs::exists(lens, error)) {
+      recordings[stem] = files;
+    } else {
+      folder.warnings.push_back(absl::StrCat(*files.begin(), " shows images, but ", lens,
+                                             " with the intrinsics of its camera is missing: no "
+                                             "camera is made of it (rigcal-agent intrinsics "
+                                             "makes such a file from pictures of a board)"));
+    }
+  }
+  for (const auto& [stem, files] : recordings) {
     RecordedCamera camera{.camera = stem,
                           .recording = folder.path / *files.begin(),
-                          .events = IsEventFile(*files.begin())};
+                          .kind = KindOf(folder.path / *files.begin())};
     if (files.size() > 1) {
       faults.Add("camera ", stem, " has several recordings: ", absl::StrJoin(files, ", "),
                  "; leave one of them in ", path.string());
@@ -101,9 +150,11 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
     folder.cameras.push_back(std::move(camera));
   }
   for (const std::string& stem : listing.yaml) {
-    if (listing.recordings.contains(stem)) continue;
-    folder.warnings.push_back(absl::StrCat(stem, ".yaml has no ", stem, ".csv, .raw, .h5 or .hdf5 ",
-                                           "beside it: no camera is made of it"));
+    if (recordings.contains(stem)) continue;
+    folder.warnings.push_back(absl::StrCat(stem, ".yaml has no ", stem,
+                                           ".csv, .raw, .h5 or .hdf5, no folder ", stem,
+                                           " of images and no video beside it: no camera is made "
+                                           "of it"));
   }
   if (folder.cameras.empty()) {
     faults.Add("there is no recording in ", path.string(), "; ", kLayout);

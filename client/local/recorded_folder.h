@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -9,18 +10,23 @@
 
 namespace rigcal::client {
 
-// A recorded camera of a folder: `<camera>.csv` with the markers, or the events of an event camera
-// in `<camera>.raw`, `.h5` or `.hdf5`; `<camera>.yaml` with the intrinsics.
+enum class RecordingKind : uint8_t { kMarkers = 1, kEvents, kImages, kVideo };
+
+// A recorded camera of a folder: `<camera>.csv` with the markers, the events of an event camera in
+// `<camera>.raw`, `.h5` or `.hdf5`, or, where there is none of these, images in the folder
+// `<camera>` or a video `<camera>.mp4` (.mkv, .avi, ...); `<camera>.yaml` with the intrinsics.
 struct RecordedCamera {
   std::string camera;
   std::filesystem::path recording;
-  bool events = false;
+  RecordingKind kind = RecordingKind::kMarkers;
+
+  bool IsFrames() const { return kind == RecordingKind::kImages || kind == RecordingKind::kVideo; }
 };
 
 struct RecordedFolder {
   std::filesystem::path path;           // absolute
   std::vector<RecordedCamera> cameras;  // by name
-  // Warnings for the user: a YAML file without its recording.
+  // Warnings for the user: a YAML file without its recording, images without a YAML file.
   std::vector<std::string> warnings;
 };
 

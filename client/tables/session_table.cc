@@ -20,7 +20,7 @@ namespace {
 
 std::string TargetText(const v1::Target& proto) {
   const absl::StatusOr<Target> target = wire::FromProto(proto);
-  if (target.ok() && !target->IsLine()) {
+  if (target.ok() && !target->IsLine() && target->board.empty()) {
     return absl::StrCat(target->IsStatic() ? "static, " : "rigid, ", target->marker_count(),
                         " points");
   }

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/board/board.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
+#include <numbers>
 #include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
@@ -20,15 +24,35 @@ constexpr int kMaxPointsOfSide = 60;
 constexpr double kMinSpacingM = 0.0005;
 constexpr double kMaxSpacingM = 1;
 
-constexpr std::array<std::pair<std::string_view, BoardKind>, 3> kBoardKinds = {{
+constexpr std::array<std::pair<std::string_view, BoardKind>, 5> kBoardKinds = {{
     {"checker", BoardKind::kChecker},
     {"circles", BoardKind::kCircles},
     {"circles-symmetric", BoardKind::kCirclesSymmetric},
+    {"charuco", BoardKind::kCharuco},
+    {"aprilgrid", BoardKind::kAprilGrid},
 }};
 
 constexpr char kBoardExamples[] =
     "; a board is board:checker,9x6,0.03 (9 x 6 inner corners, not squares; squares of 0.03 m), "
-    "board:circles,4x11,0.02 (asymmetric) or board:circles-symmetric,9x6,0.02";
+    "board:circles,4x11,0.02 (asymmetric), board:circles-symmetric,9x6,0.02, "
+    "board:charuco,8x6,0.03,0.022,5x5_100 (8 x 6 squares) or board:aprilgrid,6x6,0.088,0.3";
+
+// OpenCV's predefined dictionaries.
+constexpr const char* kDictionaries[] = {
+    "4x4_50",        "4x4_100",        "4x4_250",       "4x4_1000", "5x5_50",   "5x5_100",
+    "5x5_250",       "5x5_1000",       "6x6_50",        "6x6_100",  "6x6_250",  "6x6_1000",
+    "7x7_50",        "7x7_100",        "7x7_250",       "7x7_1000", "original", "apriltag_16h5",
+    "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
+
+// Counts as people give them: of a ChArUco board squares, of an April grid tags.
+int PointsOf(BoardKind kind, int count) {
+  if (kind == BoardKind::kCharuco) return count - 1;
+  return kind == BoardKind::kAprilGrid ? 2 * count : count;
+}
+int CountOf(BoardKind kind, int points) {
+  if (kind == BoardKind::kCharuco) return points + 1;
+  return kind == BoardKind::kAprilGrid ? points / 2 : points;
+}
 
 std::string_view NameOfKind(BoardKind kind) {
   for (const auto& [name, of_name] : kBoardKinds) {
@@ -53,6 +77,9 @@ bool Board::HasTwin() const {
       return rows % 2 == 0;
     case BoardKind::kCirclesSymmetric:
       return true;
+    case BoardKind::kCharuco:
+    case BoardKind::kAprilGrid:
+      return false;
   }
   return true;
 }
@@ -62,6 +89,12 @@ std::vector<Eigen::Vector3d> Board::Points() const {
   points.reserve(static_cast<size_t>(point_count()));
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
+      if (kind == BoardKind::kAprilGrid) {
+        const double pitch_m = (1 + gap_share) * spacing_m;
+        points.emplace_back(column / 2 * pitch_m + column % 2 * spacing_m,
+                            row / 2 * pitch_m + row % 2 * spacing_m, 0);
+        continue;
+      }
       const int along = kind == BoardKind::kCircles ? 2 * column + row % 2 : column;
       points.emplace_back(along * spacing_m, row * spacing_m, 0);
     }
@@ -69,19 +102,79 @@ std::vector<Eigen::Vector3d> Board::Points() const {
   return points;
 }
 
+double Board::CircleDiameter() const {
+  if (!HasCircles()) return 0;
+  if (circle_diameter_m > 0) return circle_diameter_m;
+  return kCircleShare * spacing_m * (kind == BoardKind::kCircles ? std::numbers::sqrt2 : 1);
+}
+
 absl::Status Board::Validate() const {
   FaultList faults;
-  const int least_columns = kind == BoardKind::kCircles ? kMinPointsOfSide - 1 : kMinPointsOfSide;
+  const bool may_be_narrow = kind == BoardKind::kCircles || HasMarkers();
+  const int least_columns = may_be_narrow ? kMinPointsOfSide - 1 : kMinPointsOfSide;
+  const int least_rows = HasMarkers() ? kMinPointsOfSide - 1 : kMinPointsOfSide;
   faults.CheckRange("the number of columns", columns, least_columns, kMaxPointsOfSide);
-  faults.CheckRange("the number of rows", rows, kMinPointsOfSide, kMaxPointsOfSide);
+  faults.CheckRange("the number of rows", rows, least_rows, kMaxPointsOfSide);
   if (spacing_m > kMaxSpacingM && spacing_m <= 1000 * kMaxSpacingM) {
     faults.Add("the spacing is ", spacing_m, " m? It is given in metres: ", spacing_m, " mm are ",
                ShortestText(spacing_m / 1000));
   } else {
     faults.CheckRange("the spacing", spacing_m, kMinSpacingM, kMaxSpacingM, " m");
   }
+  if (kind == BoardKind::kCharuco) {
+    if (!(marker_m > 0 && marker_m < spacing_m)) {
+      faults.Add("markers of ", marker_m, " m do not fit into squares of ", spacing_m, " m");
+    }
+    if (std::find(std::begin(kDictionaries), std::end(kDictionaries), dictionary) ==
+        std::end(kDictionaries)) {
+      faults.Add("there is no dictionary \"", dictionary, "\": it is one of ",
+                 absl::StrJoin(kDictionaries, " "));
+    }
+  } else if (marker_m != 0 || !dictionary.empty()) {
+    faults.Add("only a ChArUco board has a marker's side and a dictionary");
+  }
+  if (kind == BoardKind::kAprilGrid) {
+    faults.CheckRange("the gap over a tag's side", gap_share, 0.05, 1);
+    if (columns % 2 != 0 || rows % 2 != 0) faults.Add("each tag has two corners along each side");
+  } else if (gap_share != 0) {
+    faults.Add("only an April grid has gaps");
+  }
+  const double nearest_m = spacing_m * (kind == BoardKind::kCircles ? std::numbers::sqrt2 : 1);
+  if (!HasCircles() && circle_diameter_m != 0) {
+    faults.Add("only boards of circles have a diameter");
+  } else if (!(circle_diameter_m >= 0 && circle_diameter_m < nearest_m)) {
+    faults.Add("the diameter of the circles is ", circle_diameter_m, " m, but they are ", nearest_m,
+               " m apart");
+  }
   return faults.Result();
 }
+
+namespace {
+
+// What follows the kind, part by part.
+std::string_view PartsOf(BoardKind kind) {
+  switch (kind) {
+    case BoardKind::kCharuco:
+      return "counts of squares, side of a square, side of a marker, dictionary";
+    case BoardKind::kAprilGrid:
+      return "counts of tags, side of a tag, gap between tags over that side";
+    case BoardKind::kCircles:
+    case BoardKind::kCirclesSymmetric:
+      return "counts, spacing in metres, and the diameter of the circles if they are not as "
+             "printed";
+    case BoardKind::kChecker:
+      break;
+  }
+  return "counts, spacing in metres";
+}
+
+bool HasParts(BoardKind kind, size_t count) {
+  if (kind == BoardKind::kCharuco) return count == 5;
+  if (kind == BoardKind::kAprilGrid) return count == 4;
+  return count == 3 || (kind != BoardKind::kChecker && count == 4);
+}
+
+}  // namespace
 
 absl::StatusOr<Board> ParseBoard(std::string_view text) {
   constexpr std::string_view kPrefix = "board:";
@@ -98,27 +191,47 @@ absl::StatusOr<Board> ParseBoard(std::string_view text) {
     is_known = true;
   }
   if (!is_known) return BoardFault(text, absl::StrCat("there is no kind \"", parts[0], "\""));
-  if (parts.size() != 3) {
+  if (!HasParts(board.kind, parts.size())) {
     return BoardFault(text, absl::StrCat("there are ", parts.size(),
-                                         " parts with commas between them, not 3: kind, counts, "
-                                         "spacing in metres"));
+                                         " parts with commas between them; they are kind, ",
+                                         std::string(PartsOf(board.kind))));
   }
   const std::vector<std::string> counts = absl::StrSplit(parts[1], 'x');
   if (counts.size() != 2 || !absl::SimpleAtoi(counts[0], &board.columns) ||
       !absl::SimpleAtoi(counts[1], &board.rows)) {
     return BoardFault(text, absl::StrCat("\"", parts[1], "\" is not COLUMNSxROWS"));
   }
+  for (int* count : {&board.columns, &board.rows}) {
+    if (*count < 0 || *count > kMaxPointsOfSide) {
+      return BoardFault(text,
+                        absl::StrCat("\"", parts[1], "\": counts are at most ", kMaxPointsOfSide));
+    }
+    *count = PointsOf(board.kind, *count);
+  }
   if (!absl::SimpleAtod(parts[2], &board.spacing_m) || !std::isfinite(board.spacing_m)) {
     return BoardFault(text, absl::StrCat("\"", parts[2], "\" is no number of metres"));
   }
+  double* const fourth = board.kind == BoardKind::kCharuco     ? &board.marker_m
+                         : board.kind == BoardKind::kAprilGrid ? &board.gap_share
+                                                               : &board.circle_diameter_m;
+  if (parts.size() > 3 && !(absl::SimpleAtod(parts[3], fourth) && std::isfinite(*fourth))) {
+    return BoardFault(text, absl::StrCat("\"", parts[3], "\" is no number"));
+  }
+  if (parts.size() > 4) board.dictionary = parts[4];
   const absl::Status valid = board.Validate();
   if (!valid.ok()) return BoardFault(text, std::string(valid.message()));
   return board;
 }
 
 std::string FormatBoard(const Board& board) {
-  return absl::StrCat("board:", std::string(NameOfKind(board.kind)), ",", board.columns, "x",
-                      board.rows, ",", ShortestText(board.spacing_m));
+  std::string text = absl::StrCat(
+      "board:", std::string(NameOfKind(board.kind)), ",", CountOf(board.kind, board.columns), "x",
+      CountOf(board.kind, board.rows), ",", ShortestText(board.spacing_m));
+  for (const double value : {board.marker_m, board.gap_share, board.circle_diameter_m}) {
+    if (value > 0) absl::StrAppend(&text, ",", ShortestText(value));
+  }
+  if (!board.dictionary.empty()) absl::StrAppend(&text, ",", board.dictionary);
+  return text;
 }
 
 }  // namespace rigcal

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/board/marker_cells.h"
 
 namespace rigcal {
 namespace {
@@ -14,11 +15,6 @@ constexpr double kRulerTickMm = 10;
 constexpr double kTextHeightMm = 4;
 constexpr double kFooterMm = 20;  // ruler and text
 constexpr double kLeastMarginMm = 10;
-
-// Nearest neighbours, by how much of their distance the diameter is. Large circles have more edge
-// to measure, but their ellipse's centre is further from the image of the centre.
-constexpr double kCircleShare = 0.55;
-constexpr double kDiagonal = 1.4142135623730951;
 
 struct Paper {
   const char* name;
@@ -48,6 +44,15 @@ void DrawChecker(const Board& board, const BoardSheet& sheet, std::string* svg) 
   }
 }
 
+void DrawMarkers(const Board& board, const BoardSheet& sheet, std::string* svg) {
+  const double left = 0.5 * (sheet.width_mm - sheet.pattern_width_mm);
+  for (const BlackCell& cell : MarkerCells(board)) {
+    absl::StrAppendFormat(svg, "<rect x=\"%.4f\" y=\"%.4f\" width=\"%.4f\" height=\"%.4f\"/>\n",
+                          left + 1000 * cell.x_m, sheet.margin_mm + 1000 * cell.y_m,
+                          1000 * cell.side_m, 1000 * cell.side_m);
+  }
+}
+
 void DrawCircles(const Board& board, const BoardSheet& sheet, std::string* svg) {
   for (const Eigen::Vector3d& point : board.Points()) {
     absl::StrAppendFormat(svg, "<circle cx=\"%.4f\" cy=\"%.4f\" r=\"%.4f\"/>\n",
@@ -63,20 +68,26 @@ BoardSheet SheetOf(const Board& board) {
   BoardSheet sheet;
   const double spacing = 1000 * board.spacing_m;
   double beyond = spacing;  // from the outer points to the pattern's edge
-  if (board.kind != BoardKind::kChecker) {
-    const double nearest = board.kind == BoardKind::kCircles ? kDiagonal * spacing : spacing;
-    sheet.circle_diameter_mm = kCircleShare * nearest;
+  if (board.HasCircles()) {
+    sheet.circle_diameter_mm = 1000 * board.CircleDiameter();
     beyond = 0.5 * sheet.circle_diameter_mm;
+  } else if (board.kind == BoardKind::kAprilGrid) {
+    beyond = board.gap_share * spacing;
   }
-  double right = 0;
-  for (const Eigen::Vector3d& point : board.Points()) right = std::max(right, 1000 * point.x());
+  double right = 0, bottom = 0;
+  for (const Eigen::Vector3d& point : board.Points()) {
+    right = std::max(right, 1000 * point.x());
+    bottom = std::max(bottom, 1000 * point.y());
+  }
   sheet.pattern_width_mm = right + 2 * beyond;
-  sheet.pattern_height_mm = (board.rows - 1) * spacing + 2 * beyond;
+  sheet.pattern_height_mm = bottom + 2 * beyond;
   sheet.margin_mm = std::max(spacing, kLeastMarginMm);
   sheet.width_mm = std::max(sheet.pattern_width_mm, kRulerMm) + 2 * sheet.margin_mm;
   sheet.height_mm = sheet.pattern_height_mm + 2 * sheet.margin_mm + kFooterMm;
   sheet.first_point_x_mm = 0.5 * (sheet.width_mm - sheet.pattern_width_mm) + beyond;
-  sheet.first_point_y_mm = sheet.margin_mm + beyond;
+  // An April grid begins at the bottom.
+  sheet.first_point_y_mm =
+      sheet.margin_mm + beyond + (board.kind == BoardKind::kAprilGrid ? bottom : 0);
   return sheet;
 }
 
@@ -93,6 +104,8 @@ std::string BoardSvg(const Board& board) {
       sheet.width_mm, sheet.height_mm);
   if (board.kind == BoardKind::kChecker) {
     DrawChecker(board, sheet, &svg);
+  } else if (board.HasMarkers()) {
+    DrawMarkers(board, sheet, &svg);
   } else {
     DrawCircles(board, sheet, &svg);
   }
@@ -136,10 +149,19 @@ std::string DescribeBoard(const Board& board) {
       absl::StrAppendFormat(&text, "%d x %d circles, %g mm from centre to centre\n", board.columns,
                             board.rows, spacing);
       break;
+    case BoardKind::kCharuco:
+      absl::StrAppendFormat(
+          &text, "%d x %d squares of %g mm with markers of %g mm (%s) in the white ones\n",
+          board.columns + 1, board.rows + 1, spacing, 1000 * board.marker_m, board.dictionary);
+      break;
+    case BoardKind::kAprilGrid:
+      absl::StrAppendFormat(&text,
+                            "%d x %d tags (36h11) of %g mm, %g mm apart, as kalibr has them\n",
+                            board.columns / 2, board.rows / 2, spacing, board.gap_share * spacing);
+      break;
   }
   if (sheet.circle_diameter_mm > 0) {
-    absl::StrAppendFormat(&text, "circles of %.1f mm when printed by rigcal\n",
-                          sheet.circle_diameter_mm);
+    absl::StrAppendFormat(&text, "circles of %.1f mm\n", sheet.circle_diameter_mm);
   }
   absl::StrAppendFormat(&text,
                         "pattern %.0f x %.0f mm, sheet with its white margin %.0f x %.0f mm (%s)\n",

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/camera/camera_model.h"
+#include "common/lens/circle_image.h"
 #include "common/lens/lens_adjustment.h"
 #include "common/lens/lens_start.h"
 #include "common/lens/view_coverage.h"
@@ -41,6 +42,9 @@ constexpr double kGoodHalvesPx = 0.3;
 constexpr double kGoodCoverage = 0.7;
 constexpr int kGoodViews = 20;
 constexpr int kBlindGrid = 21;
+
+// The images of circles depend on where the boards are, which depends on them, by little.
+constexpr int kEccentricityRounds = 2;
 
 double RmsOf(const std::vector<double>& errors) {
   double sum = 0;
@@ -323,12 +327,27 @@ void AddAdvice(const ImageSize& image_size_px, const std::vector<BoardView>& use
   }
 }
 
-}  // namespace
+// The views with the images of circles moved to those of their centres, as a solution has them.
+std::vector<BoardView> WithoutEccentricity(const std::vector<BoardView>& views,
+                                           const LensSolution& solution) {
+  std::vector<BoardView> corrected = views;
+  for (size_t i = 0; i < views.size(); ++i) {
+    for (BoardCorner& corner : corrected[i].corners) {
+      Eigen::Vector2d offset_px;
+      if (corner.radius_m > 0 &&
+          CircleOffset(solution.intrinsics, solution.view_results[i].cam_from_board,
+                       corner.x_in_board_m, corner.radius_m, &offset_px)) {
+        corner.pixel -= offset_px;
+      }
+    }
+  }
+  return corrected;
+}
 
-absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
-                                       const ImageSize& image_size_px, const LensOptions& options) {
-  RIGCAL_RETURN_IF_ERROR(CheckViews(views, image_size_px));
-
+// Of points.
+absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
+                                           const ImageSize& image_size_px,
+                                           const LensOptions& options) {
   // Every model on everything.
   std::vector<LensEstimate> estimates;
   absl::Status failure;
@@ -407,6 +426,7 @@ absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
     const RigidTransform& pose =
         is_used ? result.estimate.cam_from_board[at] : estimates[chosen].cam_from_board[i];
     const BoardView& shown = is_used ? good[at] : views[i];
+    view.cam_from_board = pose;
     view.tilt_deg = TiltDeg(pose);
     view.rms_px = RmsOf(CornerErrors(shown, solution.intrinsics, pose));
     if (!is_used) continue;
@@ -419,6 +439,22 @@ absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
   solution.covered_share = CoveredShare(good, image_size_px);
   solution.blind_share = BlindShare(solution.intrinsics, image_size_px);
   AddAdvice(image_size_px, good, tilts_deg, &solution);
+  return solution;
+}
+
+}  // namespace
+
+absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
+                                       const ImageSize& image_size_px, const LensOptions& options) {
+  RIGCAL_RETURN_IF_ERROR(CheckViews(views, image_size_px));
+  absl::StatusOr<LensSolution> solution = SolveLensOnce(views, image_size_px, options);
+  const bool has_circles = std::any_of(views.begin(), views.end(), [](const BoardView& view) {
+    return std::any_of(view.corners.begin(), view.corners.end(),
+                       [](const BoardCorner& corner) { return corner.radius_m > 0; });
+  });
+  for (int round = 0; has_circles && solution.ok() && round < kEccentricityRounds; ++round) {
+    solution = SolveLensOnce(WithoutEccentricity(views, *solution), image_size_px, options);
+  }
   return solution;
 }
 

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "common/camera/intrinsics.h"
 #include "common/camera/intrinsics_vector.h"
+#include "common/geometry/rigid_transform.h"
 #include "common/lens/board_view.h"
 #include "common/lens/lens_difference.h"
 #include "common/lens/lens_model.h"
@@ -32,8 +33,9 @@ struct LensViewResult {
   int corners = 0;
   int left_out_corners = 0;  // of a view that was used
   double rms_px = 0;         // of its corners that were used, or of all where it was left out
-  double tilt_deg = 0;       // between the board's normal and the camera's axis
-  std::string left_out;      // why the view was not used; empty: it was
+  RigidTransform cam_from_board;
+  double tilt_deg = 0;   // between the board's normal and the camera's axis
+  std::string left_out;  // why the view was not used; empty: it was
 };
 
 struct LensSolution {
@@ -57,7 +59,8 @@ struct LensSolution {
   std::vector<std::string> advice;
 };
 
-// The lens of a camera from views of a flat board.
+// The lens of a camera from views of a flat board. Images of circles are moved to those of their
+// centres by the lens and the poses that were solved, in two rounds.
 //
 // Every model is solved with Cauchy's loss. Corners and views that even the best of them does not
 // explain are left out for all (6 sigma; views whose median error is 5 times that of all). The rest

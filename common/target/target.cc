@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "common/board/board.h"
 #include "common/options/option_table.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
@@ -152,6 +153,24 @@ absl::Status ParseLabelledPoints(std::string_view text, Target* target) {
   return absl::OkStatus();
 }
 
+// Takes `flatness=` from the options.
+absl::StatusOr<Target> ParseBoardTarget(const std::string& text, std::vector<std::string>* parts) {
+  constexpr std::string_view kFlatness = "flatness=";
+  RIGCAL_ASSIGN_OR_RETURN(const Board board, ParseBoard(text));
+  double sigma_m = kBoardSigmaM;
+  const auto given = std::ranges::find_if(
+      *parts, [&](const std::string& part) { return part.starts_with(kFlatness); });
+  if (given != parts->end()) {
+    const std::string value = given->substr(kFlatness.size());
+    if (!absl::SimpleAtod(value, &sigma_m)) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "flatness \"", absl::CHexEscape(value.substr(0, 64)), "\" is no number of metres"));
+    }
+    parts->erase(given);
+  }
+  return MakeBoardTarget(board, sigma_m);
+}
+
 absl::Status ParseParts(std::string_view text, Target* target) {
   std::vector<std::string> parts;
   for (absl::string_view part : absl::StrSplit(absl::string_view(text.data(), text.size()), ';')) {
@@ -160,7 +179,9 @@ absl::Status ParseParts(std::string_view text, Target* target) {
   constexpr std::string_view kWandPrefix = "wand:", kRigidPrefix = "rigid:",
                              kStaticPrefix = "static:";
   const std::string head = parts[0];
-  if (head == "point") {
+  if (head.starts_with("board:")) {
+    RIGCAL_ASSIGN_OR_RETURN(*target, ParseBoardTarget(head, &parts));
+  } else if (head == "point") {
     target->kind = TargetKind::kPoint;
     target->marker_positions_m = {0};
   } else if (head.starts_with(kWandPrefix)) {
@@ -176,7 +197,8 @@ absl::Status ParseParts(std::string_view text, Target* target) {
     return absl::InvalidArgumentError(
         absl::StrCat("\"", absl::CHexEscape(head.substr(0, 64)),
                      "\" is not a target: it must be \"wand:\" and positions in metres, "
-                     "\"rigid:\" or \"static:\" and a file of points, or \"point\""));
+                     "\"rigid:\" or \"static:\" and a file of points, \"board:\" and a printed "
+                     "board, or \"point\""));
   }
   parts.erase(parts.begin());
   // "wand:0;0,13;0,39", as it is written where decimals have a comma.
@@ -263,6 +285,24 @@ void CheckPoints(const Target& target, FaultList* faults) {
   }
 }
 
+// Its points are those of the board that it says it is.
+void CheckBoard(const Target& target, FaultList* faults) {
+  if (target.board.empty()) return;
+  const absl::StatusOr<Board> board = ParseBoard(target.board);
+  if (!board.ok()) {
+    faults->Add(std::string(board.status().message()));
+    return;
+  }
+  const double sigma_m = target.points.empty() ? 0 : target.points[0].sigma_m;
+  const absl::StatusOr<Target> meant = MakeBoardTarget(*board, sigma_m);
+  if (!meant.ok()) {
+    faults->Add(std::string(meant.status().message()));
+  } else if (target.kind != TargetKind::kRigid || meant->board != target.board ||
+             meant->points != target.points) {
+    faults->Add("its points are not those of ", target.board);
+  }
+}
+
 void CheckPositions(const Target& target, FaultList* faults) {
   const std::vector<double>& positions = target.marker_positions_m;
   if (!target.points.empty()) faults->Add("only a rigid target and static points have points");
@@ -334,6 +374,7 @@ absl::Status Target::Validate() const {
   } else {
     CheckPositions(*this, &faults);
   }
+  CheckBoard(*this, &faults);
   CheckOptions(*this, &faults);
   if (blink_hz.size() > 1 && blink_hz.size() != static_cast<size_t>(marker_count())) {
     faults.Add(blink_hz.size(), " blink frequencies for ", marker_count(),
@@ -343,10 +384,43 @@ absl::Status Target::Validate() const {
 }
 
 absl::Status CheckDetectable(const Target& target) {
+  if (target.IsLine() || !target.board.empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      "the detectors find wands, single markers and printed boards, not labelled points: detect "
+      "its "
+      "points with another program and give them as a file of markers (<camera>.csv)");
+}
+
+absl::Status CheckIsLine(const Target& target) {
   if (target.IsLine()) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      "the detectors find wands and single markers, not labelled points: detect its points with "
-      "another program and give them as a file of markers (<camera>.csv)");
+      "only wands and single markers can be found in events, rendered, and tuned for; the target "
+      "is made of labelled points");
+}
+
+absl::StatusOr<Target> MakeBoardTarget(const Board& board, double sigma_m) {
+  if (board.HasTwin()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        FormatBoard(board),
+        " looks the same when it is turned by 180 degrees, so that two cameras "
+        "would take different corners for the first: of a checker, take one count even and one "
+        "odd (9x6), or take circles with an odd number of rows (board:circles,4x11,0.02)"));
+  }
+  if (board.point_count() > kMaxMarkers) {
+    return absl::InvalidArgumentError(absl::StrCat(FormatBoard(board), " has ", board.point_count(),
+                                                   " points, a target has at "
+                                                   "most ",
+                                                   kMaxMarkers));
+  }
+  Target target;
+  target.kind = TargetKind::kRigid;
+  target.board = FormatBoard(board);
+  for (const Eigen::Vector3d& point : board.Points()) {
+    const int index = static_cast<int>(target.points.size());
+    target.points.push_back({absl::StrCat("c", index % board.columns, "r", index / board.columns),
+                             point.x(), point.y(), point.z(), sigma_m});
+  }
+  return target;
 }
 
 absl::StatusOr<Target> ParseTarget(std::string_view text) {
@@ -364,7 +438,11 @@ std::string FormatTarget(const Target& target) {
     const auto append = [](std::string* out, double value) { out->append(ShortestText(value)); };
     text = absl::StrCat("wand:", absl::StrJoin(target.marker_positions_m, ",", append));
   }
-  if (!target.IsLine()) {
+  if (!target.board.empty()) {
+    const double sigma_m = target.points.empty() ? kBoardSigmaM : target.points[0].sigma_m;
+    text = target.board;
+    if (sigma_m != kBoardSigmaM) absl::StrAppend(&text, ";flatness=", ShortestText(sigma_m));
+  } else if (!target.IsLine()) {
     std::vector<std::string> points;
     for (const TargetPoint& point : target.points) {
       if (target.IsStatic() && !target.is_surveyed) {

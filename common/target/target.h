@@ -11,6 +11,8 @@
 
 namespace rigcal {
 
+struct Board;
+
 inline constexpr int kMaxMarkers = 200;     // of a rigid target, and static points
 inline constexpr int kMaxWandMarkers = 16;  // of a wand
 
@@ -34,9 +36,12 @@ struct Target {
   std::vector<double> marker_positions_m;  // of a wand or point: strictly increasing, first 0
   std::vector<TargetPoint> points;         // of a rigid target or static: marker m is points[m]
   bool is_surveyed = false;                // of static points: their positions are given
-  double diameter_m = 0;                   // of the spheres; 0 = not known
-  std::vector<double> blink_hz;            // none, one for all, or one per marker
-  double span_tolerance_m = 0.002;         // one sigma of each span between neighbours
+  // The rigid target is this printed board, as FormatBoard writes it, and `points` are its points,
+  // in its order; empty: not a board.
+  std::string board;
+  double diameter_m = 0;            // of the spheres; 0 = not known
+  std::vector<double> blink_hz;     // none, one for all, or one per marker
+  double span_tolerance_m = 0.002;  // one sigma of each span between neighbours
 
   // Its markers are on a line, or it is one of them: no labelled points.
   bool IsLine() const { return kind == TargetKind::kWand || kind == TargetKind::kPoint; }
@@ -54,12 +59,22 @@ struct Target {
   absl::Status Validate() const;
 };
 
-// FAILED_PRECONDITION: the detectors cannot find it in images and events, nor can these be
-// simulated: a rigid target or static points, whose markers come from elsewhere.
+// FAILED_PRECONDITION: the detectors cannot find it in images: static points, and a rigid target
+// that is not a board. Their markers come from elsewhere.
 absl::Status CheckDetectable(const Target& target);
+// FAILED_PRECONDITION: not a wand or a point. Events, rendered images, colours and masks are about
+// those only.
+absl::Status CheckIsLine(const Target& target);
+
+// The points of a board as the markers of a rigid target, each known to `sigma_m`: how flat the
+// print is and how exact. INVALID_ARGUMENT: more than kMaxMarkers points, or a board that looks the
+// same when it is turned by 180 degrees, so that cameras on two sides would mix up its points.
+inline constexpr double kBoardSigmaM = 0.0003;
+absl::StatusOr<Target> MakeBoardTarget(const Board& board, double sigma_m = kBoardSigmaM);
 
 // Reads `wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.002`, `point`, `rigid:FILE` or
-// `static:FILE` with the same options. Positions may be given in any order and from any origin:
+// `static:FILE` with the same options, or `board:checker,9x6,0.03;flatness=0.0003` (ParseBoard;
+// metres). Positions may be given in any order and from any origin:
 // they are sorted and moved to begin at 0. FILE is read here (see target_file.h); `rigid:{A 0 0 0
 // 0.0005|B ...}` says what would be in it. The file of static points has their labels, or all their
 // positions too. The error quotes the offending part, or names file and line, and shows a right

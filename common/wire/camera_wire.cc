@@ -164,6 +164,7 @@ v1::Target ToProto(const Target& target) {
     added.set_sigma_m(point.sigma_m);
   }
   proto.set_surveyed(target.is_surveyed);
+  proto.set_board(target.board);
   return proto;
 }
 
@@ -184,6 +185,7 @@ absl::StatusOr<Target> FromProto(const v1::Target& proto) {
         {point.label(), point.x_m(), point.y_m(), point.z_m(), point.sigma_m()});
   }
   target.is_surveyed = proto.surveyed();
+  target.board = proto.board();
   if (proto.span_tolerance_m() != 0) target.span_tolerance_m = proto.span_tolerance_m();
   RIGCAL_RETURN_IF_ERROR(In("target", target.Validate()));
   return target;

@@ -55,7 +55,7 @@ absl::StatusOr<std::unique_ptr<SimulatedEventSource>> SimulatedEventSource::Crea
 
 absl::Status SimulatedEventSource::Start(const Target& target) {
   renderer_.reset();
-  RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
+  RIGCAL_RETURN_IF_ERROR(CheckIsLine(target));
   RIGCAL_RETURN_IF_ERROR(StartWorld(target));
   const SimulatedCamera& camera = Camera();
   FrameRenderOptions scene = options_.scene;

@@ -26,7 +26,7 @@ absl::StatusOr<std::unique_ptr<SimulatedFrameSource>> SimulatedFrameSource::Crea
 
 absl::Status SimulatedFrameSource::Start(const Target& target) {
   renderer_.reset();
-  RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
+  RIGCAL_RETURN_IF_ERROR(CheckIsLine(target));
   RIGCAL_RETURN_IF_ERROR(StartWorld(target));
   RIGCAL_ASSIGN_OR_RETURN(renderer_,
                           FrameRenderer::Create(world_, options_.camera_index, options_.rendering));

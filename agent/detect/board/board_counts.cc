@@ -30,6 +30,7 @@ int CountFound(const Board& board, const std::vector<cv::Mat>& pictures) {
 }  // namespace
 
 std::optional<CountsGuess> GuessCounts(const Board& board, const std::vector<cv::Mat>& pictures) {
+  if (board.HasMarkers()) return std::nullopt;  // their numbers say where they are
   std::vector<Board> others;
   // A checker is found whichever of its sides is named first.
   if (board.kind != BoardKind::kChecker && board.columns != board.rows) {

@@ -12,15 +12,18 @@
 #include "absl/strings/str_cat.h"
 #include "agent/detect/board/board_order.h"
 #include "agent/detect/board/circle_centres.h"
+#include "agent/detect/board/corner_fit.h"
+#include "agent/detect/board/marker_boards.h"
 #include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
 namespace {
 
-// cornerSubPix looks at 2 n + 1 pixels around a corner, which must show its four squares alone.
-constexpr double kWindowShare = 0.3;  // n, of the distance to the nearest corner
+// 2 n + 1 pixels around a corner are looked at, which must show its four squares alone.
+constexpr double kWindowShare = 0.4;  // n, of the distance to the nearest corner
 constexpr int kLeastWindowPx = 2;
-constexpr int kMostWindowPx = 7;
+constexpr int kMostWindowPx = 8;
+constexpr double kRoughSigmaPx = 0.2;  // one sigma of a corner that no model fits
 constexpr int kSubPixSteps = 50;
 constexpr double kSubPixStepPx = 1e-4;
 constexpr double kMostSubPixMovePx = 1.5;  // more: it ran away to something else
@@ -57,25 +60,50 @@ double NearestDistance(const Board& board, const std::vector<Eigen::Vector2d>& p
   return nearest;
 }
 
-void RefineCorners(const Board& board, const cv::Mat& grey, std::vector<Eigen::Vector2d>* pixels) {
-  const std::vector<Eigen::Vector2d> rough = *pixels;
+// From a corner to its neighbours along a row (x) or a column (y), as far as there are any.
+Eigen::Vector2d DirectionAt(const Board& board, const std::vector<Eigen::Vector2d>& pixels,
+                            int column, int row, bool along_row) {
+  const auto at = [&](int c, int r) { return pixels[static_cast<size_t>(r * board.columns + c)]; };
+  const int dc = along_row ? 1 : 0, dr = along_row ? 0 : 1;
+  const bool has_next = column + dc < board.columns && row + dr < board.rows;
+  const bool has_last = column >= dc && row >= dr;
+  return at(column + (has_next ? dc : 0), row + (has_next ? dr : 0)) -
+         at(column - (has_last ? dc : 0), row - (has_last ? dr : 0));
+}
+
+// cornerSubPix, for what is no sharp corner.
+Eigen::Vector2d CornerByGradients(const cv::Mat& grey, const Eigen::Vector2d& rough, int half) {
+  std::vector<cv::Point2f> corner = {
+      cv::Point2f(static_cast<float>(rough.x()), static_cast<float>(rough.y()))};
+  cv::cornerSubPix(grey, corner, cv::Size(half, half), cv::Size(-1, -1),
+                   cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, kSubPixSteps,
+                                    kSubPixStepPx));
+  const Eigen::Vector2d refined(corner[0].x, corner[0].y);
+  return (refined - rough).norm() < kMostSubPixMovePx ? refined : rough;
+}
+
+void RefineCorners(const Board& board, const cv::Mat& grey, SeenBoard* seen) {
+  const std::vector<Eigen::Vector2d> rough = seen->pixels;
+  seen->sigmas_px.assign(rough.size(), kRoughSigmaPx);
   for (int row = 0; row < board.rows; ++row) {
     for (int column = 0; column < board.columns; ++column) {
       const int half =
           std::clamp(static_cast<int>(kWindowShare * NearestDistance(board, rough, column, row)),
                      kLeastWindowPx, kMostWindowPx);
-      Eigen::Vector2d& pixel = (*pixels)[static_cast<size_t>(row * board.columns + column)];
+      const auto i = static_cast<size_t>(row * board.columns + column);
+      Eigen::Vector2d& pixel = seen->pixels[i];
       if (pixel.x() < half + 1 || pixel.y() < half + 1 || pixel.x() > grey.cols - half - 2 ||
           pixel.y() > grey.rows - half - 2) {
         continue;
       }
-      std::vector<cv::Point2f> corner = {
-          cv::Point2f(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()))};
-      cv::cornerSubPix(grey, corner, cv::Size(half, half), cv::Size(-1, -1),
-                       cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS,
-                                        kSubPixSteps, kSubPixStepPx));
-      const Eigen::Vector2d refined(corner[0].x, corner[0].y);
-      if ((refined - pixel).norm() < kMostSubPixMovePx) pixel = refined;
+      const auto corner = FitCorner(grey, pixel, DirectionAt(board, rough, column, row, true),
+                                    DirectionAt(board, rough, column, row, false), half);
+      if (corner) {
+        pixel = corner->centre_px;
+        seen->sigmas_px[i] = corner->Sigma();
+      } else {
+        pixel = CornerByGradients(grey, pixel, half);
+      }
     }
   }
 }
@@ -146,6 +174,7 @@ bool FindCorners(const cv::Mat& grey, const cv::Size& size, std::vector<cv::Poin
 
 std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey) {
   const cv::Size size(board.columns, board.rows);
+  if (board.HasMarkers()) return FindMarkerBoard(board, grey);
   const bool is_checker = board.kind == BoardKind::kChecker;
   std::vector<cv::Point2f> found;
   const bool is_found =
@@ -153,8 +182,9 @@ std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey) {
   if (!is_found || found.size() != static_cast<size_t>(board.point_count())) return std::nullopt;
   SeenBoard seen;
   for (const cv::Point2f& point : found) seen.pixels.emplace_back(point.x, point.y);
+  OrderBoard(board, grey, &seen.pixels);
   if (is_checker) {
-    RefineCorners(board, grey, &seen.pixels);
+    RefineCorners(board, grey, &seen);
     seen.edge_width_px = MedianEdgeWidth(board, grey, seen.pixels);
   } else {
     RefineCircles(board, grey, &seen.pixels);
@@ -162,7 +192,6 @@ std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey) {
   for (const Eigen::Vector2d& pixel : seen.pixels) {
     if (!pixel.allFinite()) return std::nullopt;
   }
-  OrderBoard(board, grey, &seen.pixels);
   return seen;
 }
 

@@ -11,21 +11,26 @@
 
 namespace rigcal::agent {
 
-// A whole board in a picture: for each point of Board::Points(), by index, the pixel that shows it.
-// The centre of the first pixel is (0, 0). The order is that of a board seen from its front, never
-// mirrored; where a checker has no twin, the square between points (0, 0) and (1, 1) is black;
-// where it has one, point 0 is the one of the two that is nearer to the picture's upper left.
+// A board in a picture: for each point of Board::Points(), by index, the pixel that shows it; not a
+// number where a point of a board with markers is not seen. The centre of the first pixel is (0,
+// 0). The order is that of a board seen from its front, never mirrored; where a checker has no
+// twin, the square between points (0, 0) and (1, 1) is black; where it has one, point 0 is the one
+// of the two that is nearer to the picture's upper left.
 struct SeenBoard {
   std::vector<Eigen::Vector2d> pixels;
+  bool Sees(size_t point) const { return pixels[point].allFinite(); }
+  // One sigma of each pixel along either axis; empty: not known (circles).
+  std::vector<double> sigmas_px;
   // Of an edge between black and white, from 10 to 90 % of the step, median, pixels: about 2 is
   // sharp. 0: not known (circles).
   double edge_width_px = 0;
 };
 
-// Searches a picture for the whole board with OpenCV: checkers by findChessboardCornersSB (Duda and
-// Frese 2018) and cornerSubPix, circles by findCirclesGrid and the centroid of their darkness.
-// Circles: the centroid of an ellipse is not the image of the centre; nothing corrects for that
-// here. None: it does not show the board, or not all of it. INTERNAL: OpenCV failed.
+// Searches a picture for the board with OpenCV, a board with markers for those of its points that
+// it shows, any other for the whole: checkers by findChessboardCornersSB (Duda and Frese 2018) and
+// FitCorner, circles by findCirclesGrid and the centroid of their darkness. Circles: the centroid
+// of an ellipse is not the image of the centre; nothing corrects for that here. None: it does not
+// show the board, or not all of it. INTERNAL: OpenCV failed.
 absl::StatusOr<std::optional<SeenBoard>> FindBoard(const Board& board, const ImageView& image);
 
 }  // namespace rigcal::agent

@@ -44,6 +44,9 @@ class FrameDetector {
   FrameDetector& operator=(FrameDetector&&) = default;
 };
 
+// INVALID_ARGUMENT, with the camera's name: the image has no pixels or is not of the camera's size.
+absl::Status CheckImage(const CameraDescription& camera, const ImageView& image);
+
 // A detector for a kind of target. A new one is a row of the table in frame_detectors.cc.
 struct FrameDetectorKind {
   const char* name;  // "wand"

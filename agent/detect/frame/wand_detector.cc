@@ -109,14 +109,7 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
 
 absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t time_ns,
                                                uint32_t clock_epoch) {
-  const ImageSize size = camera_.image_size_px;
-  if (image.data == nullptr || image.width != static_cast<int>(size.width) ||
-      image.height != static_cast<int>(size.height)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "camera ", camera_.camera, ": an image of ", image.width, "x", image.height, " pixels",
-        image.data == nullptr ? " without data" : "", ", its description says ", size.width, "x",
-        size.height, "; set the camera's region or its calibration right"));
-  }
+  RIGCAL_RETURN_IF_ERROR(CheckImage(camera_, image));
   Detection detection;
   detection.observation.time_ns = time_ns;
   detection.observation.clock_epoch = clock_epoch;

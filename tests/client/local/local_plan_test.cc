@@ -27,7 +27,7 @@ RecordedFolder Folder(const fs::path& path) {
 
 TEST(PlanRecorded, OneAgentPerCameraNamedInFront) {
   ASSERT_OK_AND_ASSIGN(const LocalPlan plan,
-                       PlanRecorded(Folder("/my rig/a=b"), "2.5", "", "/run"));
+                       PlanRecorded(Folder("/my rig/a=b"), "2.5", {}, "/run"));
   ASSERT_EQ(plan.cameras.size(), 2u);
   EXPECT_EQ(plan.cameras[0].name, "left");
   EXPECT_EQ(plan.cameras[0].source, "left=csv:/my rig/a=b/left.csv;speed=2.5");
@@ -41,27 +41,39 @@ TEST(PlanRecorded, ASeparatorInThePathIsReachedThroughALink) {
   const fs::path run = directory.path() / "run";
   fs::create_directory(run);
   ASSERT_OK_AND_ASSIGN(const LocalPlan plan,
-                       PlanRecorded(Folder(directory.path() / "rig;speed=3"), "max", "", run));
+                       PlanRecorded(Folder(directory.path() / "rig;speed=3"), "max", {}, run));
   const std::string link = (run / "recording" / "left.csv").string();
   EXPECT_EQ(plan.cameras[0].source, "left=csv:" + link + ";speed=max");
   EXPECT_TRUE(fs::exists(link));
 }
 
 TEST(PlanRecorded, WithoutAWayRoundTheSeparatorItIsRefused) {
-  EXPECT_THAT(PlanRecorded(Folder("/a;b"), "max", "", "/c;d"),
+  EXPECT_THAT(PlanRecorded(Folder("/a;b"), "max", {}, "/c;d"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("';'")));
 }
 
 TEST(PlanRecorded, EventsAreReadAsAsked) {
   RecordedFolder folder = Folder("/rig");
   folder.cameras[1].recording = "/rig/right.raw";
-  folder.cameras[1].events = true;
+  folder.cameras[1].kind = RecordingKind::kEvents;
   ASSERT_OK_AND_ASSIGN(const LocalPlan plan,
-                       PlanRecorded(folder, "max", "rate=500;clock=cable", "/run"));
+                       PlanRecorded(folder, "max", {.events = "rate=500;clock=cable"}, "/run"));
   EXPECT_EQ(plan.cameras[0].source, "left=csv:/rig/left.csv;speed=max");
   EXPECT_EQ(plan.cameras[1].source, "right=raw:/rig/right.raw;speed=max;rate=500;clock=cable");
-  EXPECT_THAT(PlanRecorded(Folder("/rig"), "max", "rate=500", "/run"),
+  EXPECT_THAT(PlanRecorded(Folder("/rig"), "max", {.events = "rate=500"}, "/run"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rate=500")));
+}
+
+TEST(PlanRecorded, ImagesAndVideosAreReadAsAsked) {
+  RecordedFolder folder = Folder("/rig");
+  folder.cameras[0] = {"left", "/rig/left", RecordingKind::kImages};
+  folder.cameras[1] = {"right", "/rig/right.mkv", RecordingKind::kVideo};
+  ASSERT_OK_AND_ASSIGN(const LocalPlan plan,
+                       PlanRecorded(folder, "max", {.frames = "fps=25"}, "/run"));
+  EXPECT_EQ(plan.cameras[0].source, "left=images:/rig/left;speed=max;fps=25");
+  EXPECT_EQ(plan.cameras[1].source, "right=video:/rig/right.mkv;speed=max;fps=25");
+  EXPECT_THAT(PlanRecorded(Folder("/rig"), "max", {.frames = "fps=25"}, "/run"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("images and videos")));
 }
 
 TEST(PlanSimulated, GivesEveryAgentTheSameWorld) {

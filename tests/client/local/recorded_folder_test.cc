@@ -67,10 +67,30 @@ TEST_F(RecordedFolderTest, FindsEventsBesideMarkers) {
   }
   ASSERT_OK_AND_ASSIGN(const RecordedFolder folder, Read());
   ASSERT_EQ(folder.cameras.size(), 4u);
-  EXPECT_FALSE(folder.cameras[0].events);
-  for (size_t i = 1; i < 4; ++i) EXPECT_TRUE(folder.cameras[i].events) << i;
+  EXPECT_EQ(folder.cameras[0].kind, RecordingKind::kMarkers);
+  for (size_t i = 1; i < 4; ++i) EXPECT_EQ(folder.cameras[i].kind, RecordingKind::kEvents) << i;
   EXPECT_EQ(folder.cameras[2].camera, "right");
   EXPECT_EQ(folder.cameras[2].recording, directory_.path() / "right.h5");
+}
+
+TEST_F(RecordedFolderTest, FindsImagesAndVideosWithALensFile) {
+  directory_.WriteFile("left/1000000000.png", "");
+  directory_.WriteFile("left.yaml", kYaml);
+  directory_.WriteFile("right.MP4", "");
+  directory_.WriteFile("right.yaml", kYaml);
+  // Markers were found in these already; plots are no camera.
+  Add("top");
+  directory_.WriteFile("top/1000000000.png", "");
+  directory_.WriteFile("plots/error.png", "");
+  directory_.WriteFile("notes/notes.txt", "");
+  ASSERT_OK_AND_ASSIGN(const RecordedFolder folder, Read());
+  ASSERT_EQ(folder.cameras.size(), 3u);
+  EXPECT_EQ(folder.cameras[0].kind, RecordingKind::kImages);
+  EXPECT_EQ(folder.cameras[0].recording, directory_.path() / "left");
+  EXPECT_EQ(folder.cameras[1].camera, "right");
+  EXPECT_EQ(folder.cameras[1].kind, RecordingKind::kVideo);
+  EXPECT_EQ(folder.cameras[2].kind, RecordingKind::kMarkers);
+  EXPECT_THAT(folder.warnings, ElementsAre(HasSubstr("plots shows images")));
 }
 
 TEST_F(RecordedFolderTest, NamesEventsWithoutIntrinsicsAndSecondRecordings) {

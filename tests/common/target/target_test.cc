@@ -62,6 +62,53 @@ TEST(ParseTarget, ReadsAPoint) {
   EXPECT_EQ(target.diameter_m, 0.04);
 }
 
+TEST(ParseTarget, ReadsABoard) {
+  const auto target = ParseTarget("board:checker,9x6,0.03");
+  ASSERT_THAT(target, IsOk());
+  EXPECT_EQ(target->kind, TargetKind::kRigid);
+  EXPECT_EQ(target->board, "board:checker,9x6,0.03");
+  ASSERT_EQ(target->marker_count(), 54);
+  EXPECT_EQ(target->points[10].label, "c1r1");
+  EXPECT_EQ(target->points[10].x_m, 0.03);
+  EXPECT_EQ(target->points[10].y_m, 0.03);
+  EXPECT_EQ(target->points[53].sigma_m, kBoardSigmaM);
+  EXPECT_THAT(CheckDetectable(*target), IsOk());
+  EXPECT_FALSE(CheckIsLine(*target).ok());
+  EXPECT_EQ(FormatTarget(*target), "board:checker,9x6,0.03");
+  const auto exact = ParseTarget("board:circles,4x11,0.020;flatness=0");
+  ASSERT_THAT(exact, IsOk());
+  EXPECT_EQ(exact->points[0].sigma_m, 0);
+  EXPECT_EQ(FormatTarget(*exact), "board:circles,4x11,0.02;flatness=0");
+  EXPECT_EQ(*ParseTarget(FormatTarget(*exact)), *exact);
+}
+
+TEST(ParseTarget, RefusesBoardsThatNobodyCanUse) {
+  const auto message = [](std::string_view text) {
+    return std::string(ParseTarget(text).status().message());
+  };
+  EXPECT_THAT(message("board:checker,8x6,0.03"), HasSubstr("turned by 180 degrees"));
+  EXPECT_THAT(message("board:circles-symmetric,9x6,0.03"), HasSubstr("turned by 180 degrees"));
+  EXPECT_THAT(message("board:checker,20x11,0.03"), HasSubstr("at most 200"));
+  EXPECT_THAT(message("board:checker,9x6,30"), HasSubstr("metres"));
+  EXPECT_THAT(message("board:checker,9x6"), HasSubstr("board:checker,9x6,0.03"));
+  EXPECT_THAT(message("board:checker,9x6,0.03;flatness=flat"), HasSubstr("flatness"));
+  EXPECT_THAT(message("board:checker,9x6,0.03;flatness=-1"), HasSubstr("sigma"));
+  EXPECT_THAT(message("board:checker,9x6,0.03;flatness=nan"), HasSubstr("sigma"));
+}
+
+TEST(Target, PointsOfABoardAreItsOwn) {
+  Target target = *ParseTarget("board:checker,9x6,0.03");
+  EXPECT_THAT(target.Validate(), IsOk());
+  target.points[3].x_m += 0.001;
+  EXPECT_THAT(std::string(target.Validate().message()), HasSubstr("not those of board:checker"));
+  target = *ParseTarget("board:checker,9x6,0.03");
+  target.board = "board:checker,9x7,0.03";
+  EXPECT_FALSE(target.Validate().ok());
+  target = *ParseTarget("wand:0,0.13,0.39");
+  target.board = "board:checker,9x6,0.03";
+  EXPECT_FALSE(target.Validate().ok());
+}
+
 TEST(ParseTarget, RefusesAWandWithoutTwoDistinctPositions) {
   for (const char* text : {"wand:", "wand:0", "wand:0.13", "wand:0,0", "wand:0.13,0.13,0.13"}) {
     EXPECT_THAT(ParseTarget(text),

@@ -130,6 +130,7 @@ export function targetText(target: Target | undefined): string {
     target.blink_hz?.length ? `;hz=${target.blink_hz.map(shortNumber).join(',')}` : '',
     target.span_tolerance_m ? `;tolerance=${shortNumber(target.span_tolerance_m)}` : '',
   ].join('');
+  if (target.board) return target.board;
   if (target.kind === 'KIND_RIGID') return `rigid, ${target.points?.length ?? 0} points${options}`;
   if (target.kind === 'KIND_STATIC') return `${target.points?.length ?? 0} static points`;
   if (target.kind === 'KIND_POINT') return `point${options}`;

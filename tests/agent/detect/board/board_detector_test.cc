@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "common/lens/circle_image.h"
 #include "common/statistics/robust_statistics.h"
 #include "tests/agent/detect/board/rendered_board.h"
 #include "tests/common/lens/known_lens.h"
@@ -31,6 +32,11 @@ std::vector<double> Errors(const Board& board, const Intrinsics& lens,
   for (size_t i = 0; i < points.size(); ++i) {
     Eigen::Vector2d pixel;
     EXPECT_TRUE(Project(lens, pose * points[i], &pixel));
+    if (const double diameter_m = board.CircleDiameter(); diameter_m > 0) {
+      Eigen::Vector2d offset_px;
+      EXPECT_TRUE(CircleOffset(lens, pose, points[i], 0.5 * diameter_m, &offset_px));
+      pixel += offset_px;
+    }
     errors.push_back(((*seen)->pixels[i] - pixel).norm());
   }
   return errors;
@@ -48,11 +54,11 @@ TEST(BoardDetector, FindsCheckersWhereTheyAreInTheirOrder) {
       const auto pose = BoardAt(board, lens, Eigen::Vector2d(310, 235), wide ? 0.3 : 0.5, turn);
       const auto errors = Errors(board, lens, renderer, pose, 0);
       ASSERT_EQ(errors.size(), 54u) << "wide " << wide << " turn " << turn.transpose();
-      EXPECT_LT(Median(errors), 0.055);
-      EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 0.12);
+      EXPECT_LT(Median(errors), 0.02);
+      EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 0.06);
       const auto noisy = Errors(board, lens, renderer, pose, 1);
       ASSERT_EQ(noisy.size(), 54u);
-      EXPECT_LT(Median(noisy), 0.06);
+      EXPECT_LT(Median(noisy), 0.025);
     }
   }
 }
@@ -88,12 +94,12 @@ TEST(BoardDetector, FindsCirclesOfBothKinds) {
   const BoardRenderer renderer(lens, kKnownImage);
   for (const char* text : {"board:circles,4x11,0.02", "board:circles-symmetric,9x6,0.03"}) {
     const Board board = *ParseBoard(text);
-    for (const Eigen::Vector3d& turn :
-         {Eigen::Vector3d(0, 0, 0.1), Eigen::Vector3d(0.3, 0.2, -0.2)}) {
+    for (const Eigen::Vector3d& turn : {Eigen::Vector3d(0, 0, 0.1), Eigen::Vector3d(0.3, 0.2, -0.2),
+                                        Eigen::Vector3d(0.9, 0.1, -0.2)}) {
       const auto pose = BoardAt(board, lens, Eigen::Vector2d(310, 235), 0.5, turn);
       const auto errors = Errors(board, lens, renderer, pose, 1);
       ASSERT_EQ(errors.size(), static_cast<size_t>(board.point_count())) << text;
-      EXPECT_LT(Median(errors), 0.05) << text;
+      EXPECT_LT(Median(errors), 0.04) << text;
       EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 0.2) << text;
     }
   }

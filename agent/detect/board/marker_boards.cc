@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/board/marker_boards.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <opencv2/aruco.hpp>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "agent/detect/board/corner_fit.h"
+#include "common/board/marker_cells.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kAprilBorderBits = 2;
+constexpr size_t kLeastTags = 4;  // kalibr's rule
+constexpr int kLeastCorners = 6;
+// A window that shows the four squares at a corner alone: of the width of the narrowest of them.
+constexpr double kWindowShare = 0.45, kInsetShare = 0.9;
+constexpr int kLeastWindowPx = 2, kMostWindowPx = 8;
+// OpenCV's corners of tags are up to 3 px off; windows from 4 px on lead to the right one.
+constexpr int kRoughWindowPx = 4;
+constexpr double kMostRoughMovePx = 5;
+// Two markers agree about a corner between them within a pixel, or this share of a square.
+constexpr double kAgreePx = 1, kAgreeShare = 0.06;
+
+struct Marker {
+  std::array<Eigen::Vector2d, 4> pixels;  // upper left, upper right, lower right, lower left
+};
+using Markers = std::map<int, Marker>;
+
+Markers DetectMarkers(const Board& board, const cv::Mat& grey) {
+  auto parameters = cv::aruco::DetectorParameters::create();
+  if (board.kind == BoardKind::kAprilGrid) parameters->markerBorderBits = kAprilBorderBits;
+  std::vector<std::vector<cv::Point2f>> corners;
+  std::vector<int> ids;
+  cv::aruco::detectMarkers(grey, cv::aruco::getPredefinedDictionary(DictionaryOf(board)), corners,
+                           ids, parameters);
+  Markers markers;
+  std::vector<int> repeated;
+  for (size_t i = 0; i < ids.size(); ++i) {
+    Marker marker;
+    for (size_t k = 0; k < 4; ++k) {
+      // kalibr's tags are upside down for OpenCV.
+      const size_t from = board.kind == BoardKind::kAprilGrid ? (k + 2) % 4 : k;
+      marker.pixels[k] = {corners[i][from].x, corners[i][from].y};
+    }
+    if (!markers.emplace(ids[i], marker).second) repeated.push_back(ids[i]);
+  }
+  // Two boards, or a false one: neither is certain.
+  for (const int id : repeated) markers.erase(id);
+  return markers;
+}
+
+// Where a homography shows a point of the plane, and how points move there.
+class Plane {
+ public:
+  // By four points or more; invalid where there is none.
+  Plane(const std::vector<cv::Point2d>& metres, const std::vector<cv::Point2d>& pixels) {
+    const cv::Mat found = cv::findHomography(metres, pixels);
+    is_valid_ = found.rows == 3 && cv::checkRange(found);
+    if (is_valid_) homography_ = cv::Matx33d(found);
+  }
+  bool is_valid() const { return is_valid_; }
+  Eigen::Vector2d At(double x_m, double y_m) const {
+    const cv::Vec3d at = homography_ * cv::Vec3d(x_m, y_m, 1);
+    return {at[0] / at[2], at[1] / at[2]};
+  }
+
+ private:
+  cv::Matx33d homography_ = cv::Matx33d::eye();
+  bool is_valid_ = false;
+};
+
+int WindowFor(double width_px, double share) {
+  return std::clamp(static_cast<int>(share * width_px), kLeastWindowPx, kMostWindowPx);
+}
+
+SeenBoard Unseen(const Board& board) {
+  const auto count = static_cast<size_t>(board.point_count());
+  SeenBoard seen;
+  seen.pixels.assign(count, Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  seen.sigmas_px.assign(count, 0);
+  return seen;
+}
+
+void Add(const FittedCorner& corner, size_t point, SeenBoard* seen) {
+  seen->pixels[point] = corner.centre_px;
+  seen->sigmas_px[point] = corner.Sigma();
+}
+
+// Enough of it is seen for a pose.
+bool IsEnough(const Board& board, const SeenBoard& seen) {
+  int count = 0, first_row = board.rows, last_row = -1, first_column = board.columns,
+      last_column = -1;
+  for (int i = 0; i < board.point_count(); ++i) {
+    if (!seen.Sees(static_cast<size_t>(i))) continue;
+    ++count;
+    first_row = std::min(first_row, i / board.columns);
+    last_row = std::max(last_row, i / board.columns);
+    first_column = std::min(first_column, i % board.columns);
+    last_column = std::max(last_column, i % board.columns);
+  }
+  return count >= kLeastCorners && last_row > first_row && last_column > first_column;
+}
+
+// From the corner that OpenCV tells to the one that is meant: cornerSubPix, which is pulled there
+// from further away than a fit.
+Eigen::Vector2d NearCorner(const cv::Mat& grey, const Eigen::Vector2d& rough, int half) {
+  if (rough.x() < half + 2 || rough.y() < half + 2 || rough.x() > grey.cols - half - 3 ||
+      rough.y() > grey.rows - half - 3) {
+    return rough;
+  }
+  std::vector<cv::Point2f> corner = {
+      cv::Point2f(static_cast<float>(rough.x()), static_cast<float>(rough.y()))};
+  cv::cornerSubPix(grey, corner, cv::Size(half, half), cv::Size(-1, -1),
+                   cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.01));
+  const Eigen::Vector2d near(corner[0].x, corner[0].y);
+  return (near - rough).norm() < kMostRoughMovePx ? near : rough;
+}
+
+SeenBoard AprilCorners(const Board& board, const cv::Mat& grey, const Markers& markers) {
+  SeenBoard seen = Unseen(board);
+  const int across = board.columns / 2;
+  for (const auto& [id, marker] : markers) {
+    if (id >= across * board.rows / 2) continue;
+    const int column = 2 * (id % across), row = 2 * (id / across);
+    for (size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector2d& here = marker.pixels[k];
+      // Along the tag's sides: upper left and lower left begin at the left, both lower ones below.
+      const bool is_right = k == 1 || k == 2, is_upper = k < 2;
+      const Eigen::Vector2d along =
+          marker.pixels[is_upper ? 1 : 2] - marker.pixels[is_upper ? 0 : 3];
+      const Eigen::Vector2d down =
+          marker.pixels[is_right ? 2 : 3] - marker.pixels[is_right ? 1 : 0];
+      const double gap_px = board.gap_share * std::min(along.norm(), down.norm());
+      const int half = WindowFor(gap_px, kWindowShare);
+      const auto corner = FitCorner(grey, NearCorner(grey, here, std::max(kRoughWindowPx, half)),
+                                    along, down, half);
+      if (!corner) continue;
+      const int c = column + (is_right ? 1 : 0), r = row + (is_upper ? 1 : 0);  // y points up
+      Add(*corner, static_cast<size_t>(r * board.columns + c), &seen);
+    }
+  }
+  return seen;
+}
+
+// Of a layout in which the squares with markers are those whose column and row add up to an even or
+// an odd number.
+SeenBoard CharucoCorners(const Board& board, const cv::Mat& grey, const Markers& markers,
+                         int parity) {
+  SeenBoard seen = Unseen(board);
+  const double side_m = board.spacing_m, inset_m = 0.5 * (side_m - board.marker_m);
+  // The planes of the markers, by square.
+  std::map<std::pair<int, int>, Plane> planes;
+  int id = 0;
+  for (int row = 0; row <= board.rows; ++row) {
+    for (int column = 0; column <= board.columns; ++column) {
+      if ((row + column) % 2 != parity) continue;
+      const auto marker = markers.find(id++);
+      if (marker == markers.end()) continue;
+      const double left = column * side_m + inset_m, top = row * side_m + inset_m;
+      const double right = left + board.marker_m, bottom = top + board.marker_m;
+      std::vector<cv::Point2d> pixels;
+      for (const Eigen::Vector2d& pixel : marker->second.pixels) {
+        pixels.emplace_back(pixel.x(), pixel.y());
+      }
+      const Plane plane({{left, top}, {right, top}, {right, bottom}, {left, bottom}}, pixels);
+      if (plane.is_valid()) planes.emplace(std::pair(column, row), plane);
+    }
+  }
+  for (int row = 0; row < board.rows; ++row) {
+    for (int column = 0; column < board.columns; ++column) {
+      const double x_m = (column + 1) * side_m, y_m = (row + 1) * side_m;
+      std::vector<const Plane*> beside;
+      for (const auto& [dx, dy] :
+           {std::pair(0, 0), std::pair(1, 0), std::pair(0, 1), std::pair(1, 1)}) {
+        const auto plane = planes.find({column + dx, row + dy});
+        if (plane != planes.end()) beside.push_back(&plane->second);
+      }
+      if (beside.size() != 2) continue;
+      const Eigen::Vector2d a = beside[0]->At(x_m, y_m), b = beside[1]->At(x_m, y_m);
+      const Eigen::Vector2d along = beside[0]->At(x_m + side_m, y_m) - a;
+      const Eigen::Vector2d down = beside[0]->At(x_m, y_m + side_m) - a;
+      const double side_px = std::min(along.norm(), down.norm());
+      if (!((a - b).norm() < std::max(kAgreePx, kAgreeShare * side_px))) continue;
+      const int half = WindowFor(side_px * inset_m / side_m, kInsetShare);
+      const auto corner = FitCorner(grey, 0.5 * (a + b), along, down, half);
+      if (corner) Add(*corner, static_cast<size_t>(row * board.columns + column), &seen);
+    }
+  }
+  return seen;
+}
+
+ptrdiff_t CountSeen(const SeenBoard& seen) {
+  return std::count_if(seen.pixels.begin(), seen.pixels.end(),
+                       [](const Eigen::Vector2d& pixel) { return pixel.allFinite(); });
+}
+
+}  // namespace
+
+std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey) {
+  const Markers markers = DetectMarkers(board, grey);
+  SeenBoard seen;
+  if (board.kind == BoardKind::kAprilGrid) {
+    if (markers.size() < kLeastTags) return std::nullopt;
+    seen = AprilCorners(board, grey, markers);
+  } else {
+    seen = CharucoCorners(board, grey, markers, 1);
+    SeenBoard legacy = CharucoCorners(board, grey, markers, 0);
+    if (CountSeen(legacy) > CountSeen(seen)) seen = std::move(legacy);
+  }
+  if (!IsEnough(board, seen)) return std::nullopt;
+  return seen;
+}
+
+}  // namespace rigcal::agent

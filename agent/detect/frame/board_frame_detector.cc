@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/frame/board_frame_detector.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "agent/detect/frame/image_exposure.h"
+#include "agent/identify/wand_finder.h"
+#include "common/camera/camera_model.h"
+#include "common/lens/circle_image.h"
+#include "common/statistics/robust_statistics.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+// Around a board, of its size: room for its margin and for a motion that changes.
+constexpr double kRoomShare = 0.2;
+// Images from this width on are searched at half the resolution first.
+constexpr int kLargeWidthPx = 1000;
+// A board that is too small for that is looked for at full resolution in every so-many-th image.
+constexpr int kImagesPerFullSearch = 4;
+// One sigma of a circle that noise does not explain: it is round in the image only from the front.
+constexpr double kCircleFloorPx = 0.02;
+constexpr uint8_t kIgnoredGrey = 128;
+constexpr size_t kLeastPosePoints = 6;
+
+PixelRect BoxOf(const std::vector<Eigen::Vector2d>& pixels, const PixelRect& bounds, double room) {
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  Eigen::Array2d low(kFar, kFar), high(-kFar, -kFar);
+  for (const Eigen::Vector2d& pixel : pixels) {
+    if (!pixel.allFinite()) continue;
+    low = low.min(pixel.array());
+    high = high.max(pixel.array());
+  }
+  const double margin = room + kRoomShare * (high - low).maxCoeff();
+  const int left = std::max(bounds.x, static_cast<int>(low[0] - margin));
+  const int top = std::max(bounds.y, static_cast<int>(low[1] - margin));
+  const int right = std::min(bounds.x + bounds.width, static_cast<int>(high[0] + margin) + 1);
+  const int bottom = std::min(bounds.y + bounds.height, static_cast<int>(high[1] + margin) + 1);
+  return {left, top, right - left, bottom - top};
+}
+
+ImageView PartOf(const ImageView& image, const PixelRect& part) {
+  return {image.Row(part.y) + part.x * BytesPerPixel(image.format), part.width, part.height,
+          image.stride_bytes, image.format};
+}
+
+// One sigma of a point along an axis, by the third differences along rows and columns, which are
+// small for a plane in perspective: their variance is 20 times that of a point (1 + 9 + 9 + 1).
+double PointSigma(const Board& board, const std::vector<Eigen::Vector2d>& pixels) {
+  std::vector<double> differences;
+  const auto at = [&](int column, int row) -> const Eigen::Vector2d& {
+    return pixels[static_cast<size_t>(row * board.columns + column)];
+  };
+  const auto add = [&](const Eigen::Vector2d& third) {
+    differences.push_back(std::abs(third.x()));
+    differences.push_back(std::abs(third.y()));
+  };
+  // Every second row of circles is shifted: columns are no lines.
+  const int row_step = board.kind == BoardKind::kCircles ? 2 : 1;
+  for (int row = 0; row < board.rows; ++row) {
+    for (int column = 0; column < board.columns; ++column) {
+      if (column + 3 < board.columns) {
+        add(at(column + 3, row) - 3 * at(column + 2, row) + 3 * at(column + 1, row) -
+            at(column, row));
+      }
+      if (row + 3 * row_step < board.rows) {
+        add(at(column, row + 3 * row_step) - 3 * at(column, row + 2 * row_step) +
+            3 * at(column, row + row_step) - at(column, row));
+      }
+    }
+  }
+  if (differences.empty()) return 0;
+  return kSigmaOverMad * UpperMedian(std::move(differences)) / std::sqrt(20.0);
+}
+
+}  // namespace
+
+BoardFrameDetector::BoardFrameDetector(const Target& target, const CameraDescription& camera,
+                                       const Board& board)
+    : target_(target), camera_(camera), board_(board) {}
+
+absl::StatusOr<BoardFrameDetector> BoardFrameDetector::Create(const Target& target,
+                                                              const CameraDescription& camera) {
+  absl::Status status = CheckTargetAndCamera(target, camera);
+  absl::StatusOr<Board> board = ParseBoard(target.board);
+  status.Update(board.status());
+  if (!status.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
+  }
+  return BoardFrameDetector(target, camera, *board);
+}
+
+std::optional<PixelRect> BoardFrameDetector::Expected(const PixelRect& bounds,
+                                                      uint32_t clock_epoch) const {
+  if (last_px_.empty() || clock_epoch != epoch_) return std::nullopt;
+  std::vector<Eigen::Vector2d> moved = last_px_;
+  for (Eigen::Vector2d& pixel : moved) pixel += moved_px_;
+  const PixelRect part = BoxOf(moved, bounds, moved_px_.norm());
+  if (part.empty()) return std::nullopt;
+  return part;
+}
+
+absl::StatusOr<std::optional<SeenBoard>> BoardFrameDetector::FindIn(const ImageView& image,
+                                                                    const PixelRect& part) {
+  window_ = part;
+  RIGCAL_ASSIGN_OR_RETURN(std::optional<SeenBoard> seen, FindBoard(board_, PartOf(image, part)));
+  if (seen) {
+    for (Eigen::Vector2d& pixel : seen->pixels) pixel += Eigen::Vector2d(part.x, part.y);
+  }
+  return seen;
+}
+
+absl::StatusOr<std::optional<SeenBoard>> BoardFrameDetector::Search(const ImageView& image) {
+  if (image.width < kLargeWidthPx) return FindIn(image, image.Bounds());
+  const int type = image.format == PixelFormat::kMono8 ? CV_8UC1 : CV_8UC3;
+  // OpenCV does not write through it.
+  const cv::Mat whole(image.height, image.width, type, const_cast<uint8_t*>(image.data),
+                      static_cast<size_t>(image.stride_bytes));
+  cv::Mat half;
+  cv::resize(whole, half, {}, 0.5, 0.5, cv::INTER_AREA);
+  const ImageView view{half.data, half.cols, half.rows, static_cast<ptrdiff_t>(half.step),
+                       image.format};
+  RIGCAL_ASSIGN_OR_RETURN(std::optional<SeenBoard> coarse, FindBoard(board_, view));
+  if (coarse) {
+    for (Eigen::Vector2d& pixel : coarse->pixels) pixel = 2 * pixel + Eigen::Vector2d(0.5, 0.5);
+    return FindIn(image, BoxOf(coarse->pixels, image.Bounds(), 0));
+  }
+  window_ = image.Bounds();
+  if (missed_ % kImagesPerFullSearch != 0) return std::nullopt;
+  return FindIn(image, image.Bounds());
+}
+
+ImageView BoardFrameDetector::WithoutIgnored(const ImageView& image) {
+  if (ignored_.CountPixels() == 0) return image;
+  const int bytes = BytesPerPixel(image.format);
+  const size_t row_bytes = static_cast<size_t>(image.width * bytes);
+  unmasked_.resize(row_bytes * static_cast<size_t>(image.height));
+  for (int y = 0; y < image.height; ++y) {
+    uint8_t* const row = unmasked_.data() + row_bytes * static_cast<size_t>(y);
+    std::copy_n(image.Row(y), row_bytes, row);
+    for (int x = 0; x < image.width; ++x) {
+      if (ignored_.Get(x, y)) std::fill_n(row + x * bytes, bytes, kIgnoredGrey);
+    }
+  }
+  return {unmasked_.data(), image.width, image.height, static_cast<ptrdiff_t>(row_bytes),
+          image.format};
+}
+
+void BoardFrameDetector::CorrectCircles(std::vector<Eigen::Vector2d>* pixels) const {
+  if (!board_.HasCircles() || !camera_.intrinsics) return;
+  const std::vector<Eigen::Vector3d> points = board_.Points();
+  std::vector<cv::Point3d> in_board;
+  std::vector<cv::Point2d> rays;
+  for (size_t i = 0; i < points.size(); ++i) {
+    const auto ray = Undistort(*camera_.intrinsics, (*pixels)[i]);
+    if (!ray.ok()) continue;
+    in_board.emplace_back(points[i].x(), points[i].y(), points[i].z());
+    rays.emplace_back(ray->x(), ray->y());
+  }
+  cv::Mat1d turn, shift;
+  if (in_board.size() < kLeastPosePoints ||
+      !cv::solvePnP(in_board, rays, cv::Matx33d::eye(), cv::noArray(), turn, shift, false,
+                    cv::SOLVEPNP_IPPE)) {
+    return;
+  }
+  const Eigen::Vector3d axis(turn(0), turn(1), turn(2));
+  RigidTransform cam_from_board;
+  if (axis.norm() > 0) {
+    cam_from_board.rotation = Eigen::AngleAxisd(axis.norm(), axis.normalized());
+  }
+  cam_from_board.translation_m = {shift(0), shift(1), shift(2)};
+  for (size_t i = 0; i < points.size(); ++i) {
+    Eigen::Vector2d offset_px;
+    if (CircleOffset(*camera_.intrinsics, cam_from_board, points[i], 0.5 * board_.CircleDiameter(),
+                     &offset_px)) {
+      (*pixels)[i] -= offset_px;
+    }
+  }
+}
+
+absl::StatusOr<Detection> BoardFrameDetector::Detect(const ImageView& image, int64_t time_ns,
+                                                     uint32_t clock_epoch) {
+  RIGCAL_RETURN_IF_ERROR(CheckImage(camera_, image));
+  Detection detection;
+  detection.observation.time_ns = time_ns;
+  detection.observation.clock_epoch = clock_epoch;
+  detection.observation.markers.resize(static_cast<size_t>(target_.marker_count()));
+  const ImageView searched = WithoutIgnored(image);
+  std::optional<SeenBoard> seen;
+  if (const auto part = Expected(image.Bounds(), clock_epoch)) {
+    RIGCAL_ASSIGN_OR_RETURN(seen, FindIn(searched, *part));
+    detection.tracked = seen.has_value();
+  }
+  if (!seen) {
+    RIGCAL_ASSIGN_OR_RETURN(seen, Search(searched));
+  }
+  if (!seen) {
+    ++missed_;
+    last_px_.clear();
+    const ImageExposure exposure = LookAtExposure(image);
+    detection.outcome = exposure == ImageExposure::kSaturated ? DetectionOutcome::kSaturated
+                        : exposure == ImageExposure::kBlack   ? DetectionOutcome::kBlack
+                                                              : DetectionOutcome::kNoWand;
+    return detection;
+  }
+  missed_ = 0;
+  moved_px_.setZero();
+  int both = 0;
+  for (size_t i = 0; detection.tracked && i < last_px_.size(); ++i) {
+    const Eigen::Vector2d moved_px = seen->pixels[i] - last_px_[i];
+    if (!moved_px.allFinite()) continue;
+    moved_px_ += moved_px;
+    ++both;
+  }
+  moved_px_ /= std::max(1, both);
+  last_px_ = seen->pixels;
+  epoch_ = clock_epoch;
+  detection.outcome = DetectionOutcome::kWand;
+  detection.confidence = 1;
+  CorrectCircles(&seen->pixels);
+  const bool has_corners = !seen->sigmas_px.empty();
+  const double circle_px =
+      has_corners ? 0 : std::hypot(kCircleFloorPx, PointSigma(board_, seen->pixels));
+  for (size_t i = 0; i < seen->pixels.size(); ++i) {
+    MarkerObservation& marker = detection.observation.markers[i];
+    if (!seen->Sees(i)) continue;
+    marker.visible = true;
+    marker.centre_px = seen->pixels[i];
+    const double sigma_px = has_corners ? seen->sigmas_px[i] : circle_px;
+    marker.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
+  }
+  return detection;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "agent/detect/board/board_detector.h"
+#include "agent/detect/frame/frame_detector.h"
+#include "common/board/board.h"
+
+namespace rigcal::agent {
+
+// Finds a printed board in the images of one camera: marker m is point m of Board::Points(). A
+// board that is followed is looked for around where it was; large images are searched at half the
+// resolution first. A whole board is found or none. Movable; one thread at a time.
+class BoardFrameDetector : public FrameDetector {
+ public:
+  // INVALID_ARGUMENT: target or camera not valid; names the camera.
+  static absl::StatusOr<BoardFrameDetector> Create(const Target& target,
+                                                   const CameraDescription& camera);
+
+  // Masked pixels are grey for the search.
+  void SetIgnored(const PixelMask& ignored) override { ignored_ = ignored; }
+  // A board that rests is a board: nothing is ignored.
+  void SetBackground(StaticBackground*) override {}
+  absl::StatusOr<Detection> Detect(const ImageView& image, int64_t time_ns,
+                                   uint32_t clock_epoch) override;
+  PixelRect window() const override { return window_; }
+  absl::Span<const Blob> blobs() const override { return {}; }
+
+ private:
+  BoardFrameDetector(const Target& target, const CameraDescription& camera, const Board& board);
+  // Where the board may be now: around where it was, as far as it may have moved.
+  std::optional<PixelRect> Expected(const PixelRect& bounds, uint32_t clock_epoch) const;
+  absl::StatusOr<std::optional<SeenBoard>> FindIn(const ImageView& image, const PixelRect& part);
+  absl::StatusOr<std::optional<SeenBoard>> Search(const ImageView& image);
+  ImageView WithoutIgnored(const ImageView& image);
+  // Moves the images of circles to those of their centres, where the lens is known.
+  void CorrectCircles(std::vector<Eigen::Vector2d>* pixels) const;
+
+  Target target_;
+  CameraDescription camera_;
+  Board board_;
+  PixelMask ignored_;
+  PixelRect window_;
+  std::vector<uint8_t> unmasked_;                       // the image without what is ignored
+  std::vector<Eigen::Vector2d> last_px_;                // of the last image; empty: not found there
+  Eigen::Vector2d moved_px_ = Eigen::Vector2d::Zero();  // from the image before to the last one
+  uint32_t epoch_ = 0;
+  int missed_ = 0;  // images in a row
+};
+
+}  // namespace rigcal::agent

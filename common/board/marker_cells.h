@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "common/board/board.h"
+
+namespace rigcal {
+
+// A black square of a printed pattern, metres, x to the right and y downwards from the pattern's
+// upper left.
+struct BlackCell {
+  double x_m = 0, y_m = 0;
+  double side_m = 0;
+};
+
+// What is black on a board with markers: the squares of a ChArUco board and the bits of its markers
+// (whose upper left square is black), or the tags of an April grid, with a border of two bits, and
+// the squares between their corners.
+std::vector<BlackCell> MarkerCells(const Board& board);
+
+// OpenCV's number of a ChArUco board's dictionary, or of an April grid's.
+int DictionaryOf(const Board& board);
+
+}  // namespace rigcal

@@ -8,16 +8,16 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kLeastPixels = 200;
-// A channel is interpolated at a place of the mosaic where its pixels deviate from the mean of
-// their neighbours by at most this share of what they do at the other places.
+constexpr int kLeastPixels = 200;  // fewer say nothing
+// A channel is interpolated at the places of the mosaic where its pixels deviate from the mean of
+// their neighbours by at most this share of the deviation elsewhere.
 constexpr double kInterpolated = 0.5;
-constexpr double kLeastGrey = 0.6;  // of these; rounding alone makes 0.25
+constexpr double kLeastGrey = 0.6;  // of the deviation elsewhere; rounding alone makes 0.25
 
-// Colours that differ less from each other than this share of what brightness does tell nothing.
+// Least sum of squared differences of colour that tells anything, over that of brightness.
 constexpr float kLeastColour = 0.1f;
 // Sharpness of colour over that of brightness: 0.1 to 0.75 at half the resolution (up to 1 behind a
-// mosaic), 1 at the same; noise, of which colour has more, makes it larger.
+// mosaic), 1 at full resolution. Noise, which is stronger in colour, makes it larger.
 constexpr float kBlurredColour = 0.95f;
 
 }  // namespace
@@ -27,8 +27,8 @@ std::optional<ColourMosaic> FindMosaic(const ImageView& image, const PixelRect& 
   const int left = std::max(part.x, 1), right = std::min(part.x + part.width, image.width - 1);
   const int top = std::max(part.y, 1), bottom = std::min(part.y + part.height, image.height - 1);
   if (right <= left || (right - left) * (bottom - top) < kLeastPixels) return std::nullopt;
-  // Sums of twice the deviation from the mean of two neighbours: blue and red, beside and above,
-  // by place in a square of two by two pixels.
+  // Sums of twice the deviation from the mean of two neighbours, of blue and red, in the row and in
+  // the column, by place in the mosaic's cell of two by two pixels.
   int64_t beside[2][2][2] = {}, above[2][2][2] = {}, count[2][2] = {};
   for (int y = top; y < bottom; ++y) {
     const uint8_t* const row = image.Row(y);
@@ -43,8 +43,8 @@ std::optional<ColourMosaic> FindMosaic(const ImageView& image, const PixelRect& 
       }
     }
   }
-  // Where red is measured, its neighbours in the row have red between two measured ones, and so
-  // have its neighbours in the column; the same for blue, diagonally.
+  // The neighbours of a measured red pixel in its row got their red from two measured pixels beside
+  // them, and those in its column likewise; the same holds for blue, diagonally.
   double all = 0, best = 0;
   std::optional<ColourMosaic> found;
   for (int i = 0; i < 4; ++i) {
@@ -57,7 +57,7 @@ std::optional<ColourMosaic> FindMosaic(const ImageView& image, const PixelRect& 
       deviation += static_cast<double>(above[c][1 - cy][cx]) /
                    static_cast<double>(std::max<int64_t>(1, count[1 - cy][cx]));
     }
-    deviation /= 8;  // two channels and directions, of twice the deviation
+    deviation /= 8;  // two channels and two directions, each twice the deviation
     all += deviation;
     if (found && deviation >= best) continue;
     best = deviation;
@@ -72,8 +72,7 @@ std::optional<bool> IsColourBlurred(const ImageView& image, const PixelRect& par
   if (image.format == PixelFormat::kMono8) return false;
   const int left = std::max(part.x, 1), right = std::min(part.x + part.width, image.width - 1);
   const int top = std::max(part.y, 1), bottom = std::min(part.y + part.height, image.height - 1);
-  // Sums of the squares of first and second differences: of the brightness, and of the two
-  // differences of colour.
+  // Sums of squared first and second differences of brightness and of the two colour differences.
   Eigen::Array3f first = Eigen::Array3f::Zero(), second = Eigen::Array3f::Zero();
   const auto parts_of = [](const uint8_t* pixel) {
     const float blue = pixel[0], red = pixel[2];

@@ -9,27 +9,27 @@
 namespace rigcal::agent {
 namespace {
 
-// Coverage up to which a pixel counts as background, and from which on as marker.
+// A pixel with coverage up to kFree counts as background, from kCovered on as marker.
 constexpr float kFree = 0.22f, kCovered = 0.8f;
-constexpr float kStrange = 0.3f;  // of the contrast: away from all mixtures of the two colours
-constexpr int kLeastOutlinePx = 4;
-constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
-constexpr double kWideCore = 0.85;   // of it: where saturation is looked for
-constexpr double kMinContrast = 12;  // grey levels
+constexpr float kStrange = 0.3f;     // of the contrast: farther from all mixtures is another colour
+constexpr int kLeastOutlinePx = 4;   // pixels of a blob
+constexpr double kCore = 0.55;       // of the blob's semi-axes: the plateau is read inside
+constexpr double kWideCore = 0.85;   // of the semi-axes: saturated pixels are counted inside
+constexpr double kMinContrast = 12;  // grey levels, over all channels
 constexpr double kUsualStep = 1.2;   // root mean square of usual steps over their mean
-constexpr double kMostSaturated = 0.04;
-// Pixels this bright (kForeign) and this far outside of the blob belong to something else.
+constexpr double kMostSaturated = 0.04;  // share of pixels; more make a channel saturated
+// Pixels this far outside of the blob with more coverage than kForeign belong to something else.
 constexpr double kOwnPx = 1.5;
 constexpr float kForeign = 0.4f;
 constexpr float kAlikeAbove = 0.6f, kAlikeBelow = 1.5f;  // coverage of what looks like the marker
 enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
 constexpr int kMaxIterations = 12;
 constexpr double kWeightPx = 1.5;  // beyond an ellipse, where MarkerAperture::Weight is 0
-// Radii of the centroid per skewness, found on rendered images.
+// Shift of the centroid in radii per unit of skewness, found on rendered images.
 constexpr double kShiftPerSkewness = 4;
-constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
-constexpr double kArcPx = 3;              // of the background
-constexpr double kFullRadiusPx = 16;      // larger ones are read more coarsely
+constexpr double kMedianVariance = 1.57;  // of a Gaussian's median, over that of its mean (pi / 2)
+constexpr double kArcPx = 3;              // length of an arc of the background
+constexpr double kFullRadiusPx = 16;  // larger semi-axes b are read in steps of b / 16 px, up to 3
 
 struct PixelMoments {
   int count = 0;
@@ -71,7 +71,7 @@ double MarkerMeter::WorkOf(const Blob& blob) {
 bool MarkerMeter::PlaceWindow(const ImageView& image, const MarkerAperture& aperture,
                               MarkerCentre* centre) {
   const Eigen::Vector2d& at = aperture.centre_px;
-  // The ring may be cut, what is summed may not.
+  // The border may cut the ring, but not the ellipse of the blob and 1 px around it.
   const double need = aperture.a + 1;
   centre->cut = at.x() - need < 0 || at.y() - need < 0 || at.x() + need > image.width - 1 ||
                 at.y() + need > image.height - 1;
@@ -134,7 +134,7 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
   if (!(centre->contrast_grey > kMinContrast)) return false;
   const auto least = static_cast<float>(0.3 * centre->contrast_grey);
   const auto strange = static_cast<float>(kStrange * centre->contrast_grey);
-  // A little beyond what is summed: the aperture follows the centroid.
+  // A little beyond what is summed, because the aperture follows the centroid.
   reach_ = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx + 1);
   std::ranges::fill(coverage_, 0.0f);
   std::ranges::fill(gain_, 0.0f);
@@ -259,7 +259,7 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
         gain * (1 - static_cast<double>(kFree) - static_cast<double>(kCovered - kFree) * coverage) *
         d;
   });
-  // The noise of the background, which all pixels of an arc share; neighbouring arcs overlap.
+  // All pixels of an arc share the noise of its background, and neighbouring arcs share pixels.
   constexpr double kOverlap = 1.6;
   for (size_t k = 0; k < arcs.size(); ++k) {
     noise += kOverlap * kMedianVariance / std::max(1, arcs[k].pixels) * by_arc[k] *
@@ -271,11 +271,10 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
   const double area = sum * window_.step * window_.step;
   centre->radius_px = std::sqrt(area / std::numbers::pi);
   const double scale = 1 / (sum * std::pow(centre->radius_px, 3));
-  // Each mixed moment stands for three equal ones of the tensor.
+  // Each mixed moment stands for three equal entries of the tensor.
   centre->skewness = scale * std::sqrt(third.dot(third.cwiseProduct(Eigen::Vector4d(1, 3, 3, 1))));
   centre->skewness_sigma = std::sqrt(variance * noise6) * scale;
-  // A disturbance that skews a sphere's image, such as an edge of the background along its outline,
-  // has moved its centroid too.
+  // What skews a sphere's image, such as an edge behind its outline, moves its centroid too.
   const double disturbed_px = kShiftPerSkewness * centre->radius_px *
                               std::max(0.0, centre->skewness - 2.5 * centre->skewness_sigma);
   centre->covariance_px2 += disturbed_px * disturbed_px * Eigen::Matrix2d::Identity();

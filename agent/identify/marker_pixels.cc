@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pixels of a marker and of its surroundings to which its outline is fitted.
+// Collects the pixels of a marker and of its surroundings to which its outline is fitted.
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -10,38 +10,38 @@
 namespace rigcal::agent {
 namespace {
 
-// A marker's contrast without its saturated channels that is enough to leave them out: this share,
-// or, where what is behind it is even, much less. Little light that is measured says more of the
-// place than much that is clipped.
+// Saturated channels are left out if the others have enough contrast: kLeastUnsaturatedGrey and
+// this share of the whole; or much less before an even background: kLeastEvenGrey, so many sigmas
+// of noise and steps of the background. Little light that is measured tells the place better than
+// much clipped.
 constexpr double kLeastUnsaturated = 0.25, kLeastUnsaturatedGrey = 40;
 constexpr double kLeastEvenGrey = 15, kLeastEvenNoises = 8, kLeastEvenSteps = 8;
-constexpr double kModelNoise = 0.015;  // of the outline's model, in units of coverage
-constexpr int kMosaicTries = 3;        // of an image
-constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
-constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
-constexpr float kLeastLuma = 0.4f;     // brightness of a marker, of all channels together
-constexpr float kMostWhite = 6;
+constexpr double kModelNoise = 0.015;  // one sigma of the outline's model, in units of coverage
+constexpr int kMosaicTries = 3;        // attempts to find the mosaic of an image
+constexpr double kMosaicNoise = 1.3;   // noise of a measured channel, over that of all pixels' mean
+constexpr double kLeastChannel = 0.2;  // least contrast of a channel, as a share of the whole
+constexpr float kLeastLuma = 0.4f;   // least brightness of a marker, of the norm over all channels
+constexpr float kMostWhite = 6;      // limit of OutlinePixels::white
 constexpr double kRimPx = 5;         // further inside every fifth pixel is enough
-constexpr double kInsideStep = 5.3;  // not in step with a mosaic
-constexpr double kEnoughPixels = 700;
-// The background right beside the outline, where something else is near.
+constexpr double kInsideStep = 5.3;  // pixels per one taken inside; not in step with a mosaic
+constexpr double kEnoughPixels = 700;  // pixels of a rim; more are thinned out
+// The ring right beside the outline where something else is near: gap, width, length of an arc.
 constexpr double kBesidePx = 1.6, kBesideWidthPx = 1.8, kBesideArcPx = 1.6;
-constexpr double kBesideNoise = 0.03;
+constexpr double kBesideNoise = 0.03;  // takes the place of kModelNoise there
 // One sigma of the background behind a pixel there, per step to the next arc: the border between
-// two things is anywhere, and not where the ring says.
+// two things may be anywhere, not just where the ring shows it.
 constexpr float kUnsureStep = 1.5f;
 
-// Of the sum of two squares; std::hypot also does what is too large to be squared.
+// Root of the sum of two squares. std::hypot would also cope with overflow.
 float Root(float a, float b) { return std::sqrt(a * a + b * b); }
 
 struct UsedChannels {
-  Eigen::Vector3f used = Eigen::Vector3f::Ones();  // 1, or 0 for those that are left out
-  double least_grey = 0;                           // contrast of a channel that tells anything
-  bool clipped = false;                            // saturated ones are among them
+  Eigen::Vector3f used = Eigen::Vector3f::Ones();  // 1, or 0 for a channel that is left out
+  double least_grey = 0;                           // least contrast of a channel that is used
+  bool clipped = false;                            // saturated ones are used
 };
 
-// Those in which the marker's light is measured, not the saturated ones, where the others stand out
-// enough.
+// Returns the unsaturated channels if they stand out enough, else all.
 UsedChannels ChannelsToUse(const RingBackground& background, const MarkerCentre& centre) {
   Eigen::Vector3f mean = Eigen::Vector3f::Zero();
   for (const auto& arc : background.arcs()) mean += arc.background;
@@ -73,7 +73,7 @@ struct MarkerMeter::Collection {
   const PixelGrid& window;
   double reach_px;     // beyond the aperture's ellipse
   double model_noise;  // in units of coverage
-  bool near;           // also beside something else, and where the background is brighter
+  bool near;           // also beside something else, and before brighter backgrounds
 };
 
 void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, OutlinePixels* pixels) {
@@ -98,7 +98,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
   if (!mosaic_ && !is_colour_blurred_) {
     is_colour_blurred_ = IsColourBlurred(image, how.window.rect);
   }
-  // Then only brightness says where an edge is; of a blue marker it says too little.
+  // Only brightness shows then where an edge is; of a blue marker it shows too little.
   const bool by_luma = !mosaic_ && is_colour_blurred_.value_or(false) &&
                        plateau.dot(luma) > kLeastLuma * plateau.norm();
   if (by_luma) pixels->clipped = centre.saturated != std::array<bool, 3>{};
@@ -110,7 +110,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
   }
   const bool large = aperture.b > 2 * kRimPx;
   const Eigen::Matrix2d inside = aperture.Grown(large ? -kRimPx : 0);
-  // Pixels are many where the sphere is near, and say the same.
+  // A sphere that is close to the camera has many pixels, which all say the same.
   const double rim =
       2 * std::numbers::pi * aperture.a * (std::min(kRimPx, aperture.b) + how.reach_px);
   const double step = std::max(1.0, rim / kEnoughPixels / (how.window.step * how.window.step));
@@ -131,7 +131,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     Eigen::Vector3f range = plateau - background;
     Eigen::Vector3f unsure = Eigen::Vector3f::Zero();
     if (how.near) {
-      // As much of the background is seen here.
+      // The share of the background that is seen at this pixel.
       const double out_px = (std::sqrt(d.dot(aperture.shape * d)) - 1) * aperture.b;
       const double seen = std::clamp(0.5 + 0.5 * out_px, 0.0, 1.0);
       unsure = static_cast<float>(seen) * unsure_grey_[arc];

@@ -10,18 +10,18 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
-constexpr double kMostOffOutline = 0.15;
-// Where hardly any is elsewhere the others may be like what is behind them.
+constexpr double kLeastOnOutline = 0.6;   // least share of the sectors of a whole sphere
+constexpr double kMostOffOutline = 0.15;  // largest share of them off the outline
+// With hardly any sector off the outline, the remaining ones may look like their background.
 constexpr double kLeastOnClearOutline = 0.55, kMostOffClearOutline = 0.03;
-constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;
-constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
-constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
+constexpr double kLeastOfCutOutline = 0.5, kMostOffCutOutline = 0.07;  // at the image's border
+constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;  // limit: first + second / radius
+constexpr double kHardlyOnOutline = 0.4;  // while the marker's surroundings are not known
 constexpr int kNearRounds = 2;
-constexpr double kBrighterBehind = 0.5;     // of the contrast, where that is saturated
-constexpr double kUnevenBackground = 0.04;  // steps, of the contrast
+constexpr double kBrighterBehind = 0.5;  // saturated_behind, above which only near pixels are used
+constexpr double kUnevenBackground = 0.04;  // background_steps, above which FitBeside fits again
 constexpr double kMostEdgePx = 1;           // the blur of a softer one reaches what is beside it
-constexpr double kWorkOfFit = 500;          // in the pixels that a measurement reads
+constexpr double kWorkOfFit = 500;          // in pixels that a measurement reads
 
 }  // namespace
 
@@ -85,13 +85,13 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineOf(const ImageView& 
   MeasuredMarker& measured = OfBlob(blob);
   if (measured.tried) return measured.outline;
   const MarkerCentre& centre = measured.centre;
-  // Of a background that is brighter only pixels near by are collected.
+  // Before a brighter background only pixels close to the outline are collected.
   const bool is_near = centre.has_neighbour || centre.saturated_behind > kBrighterBehind;
   if (!MayWork(kWorkOfFit * (is_near ? kNearRounds : 1))) return measured.outline;
   measured.tried = true;
   SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
   Eigen::Matrix2d second_moment_px2 = centre.second_moment_px2;
-  // What the border leaves of a disc says nothing of its shape.
+  // What the border leaves of a disc does not show its shape.
   if (centre.cut) {
     second_moment_px2 = 0.25 * Squared(centre.radius_px) * Eigen::Matrix2d::Identity();
   }
@@ -101,7 +101,7 @@ const std::optional<SphereOutline>& MeasuredMarkers::OutlineOf(const ImageView& 
   return measured.outline;
 }
 
-// What is beside a marker can be told once it is known where that is.
+// What is beside a marker is known only when its place is known, so the fit is repeated.
 bool MeasuredMarkers::FitNear(const ImageView& image, MeasuredMarker* measured,
                               const Eigen::Matrix2d& shape_px2, SphereOutline* outline) {
   Blob around;

@@ -12,49 +12,49 @@
 
 namespace rigcal::agent {
 
-// A blob of an image, taken for a marker.
+// A blob of an image that was measured as a marker.
 struct MeasuredMarker {
-  Eigen::Vector2d blob_px = Eigen::Vector2d::Zero();  // where and how large the blob is
+  Eigen::Vector2d blob_px = Eigen::Vector2d::Zero();  // centre of the blob
   int blob_area_px = 0;
   Eigen::Matrix2d blob_moment_px2;
-  bool good = false;
+  bool good = false;  // it was measured and stands out
   MarkerCentre centre;
   OutlinePixels pixels;
-  bool tried = false;                    // to fit
-  std::optional<SphereOutline> outline;  // shaded
-  // How far the background right beside it moved it, against what is further away.
+  bool tried = false;                    // to fit the outline
+  std::optional<SphereOutline> outline;  // fitted with any slope of the light
+  // How far the outline moved when it was fitted against the background right beside it.
   Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();
 };
 
-// A whole sphere's outline. Beyond the border (`is_cut`) there is nothing to be seen of an outline,
-// but nothing else either.
+// Tells whether an outline is that of a whole sphere. Beyond the image's border (`is_cut`) less of
+// an outline is seen, but nothing else in its place.
 bool IsOnOutline(const std::optional<SphereOutline>& outline, bool is_cut = false);
 
 // Measures the blobs of an image as markers, each once, within a budget: centres by their pixels,
-// outlines where those are asked for. One thread at a time.
+// and outlines if asked for. One thread at a time.
 class MeasuredMarkers {
  public:
-  // Before the first search of an image. What was measured of it is not measured again.
+  // Call before the first search of an image; later searches use what was measured of it.
   void StartImage();
-  // `blob_count`: of the span that is passed from now on. `work`: pixels that may be read
-  // (MarkerMeter::WorkOf).
+  // `blob_count` is the size of the spans that are passed from now on, `work` the pixels that may
+  // be read (MarkerMeter::WorkOf).
   void StartSearch(size_t blob_count, double work);
   double work() const { return work_; }                 // left
-  bool is_out_of_work() const { return out_of_work_; }  // something was left out for it
+  bool is_out_of_work() const { return out_of_work_; }  // something was left out for lack of work
 
-  // Null where the work is used up.
+  // Returns null if the work is used up.
   const MeasuredMarker* Measure(const ImageView& image, absl::Span<const Blob> blobs, int blob);
-  // Of a blob that was measured.
+  // Returns a blob that was measured before.
   MeasuredMarker& OfBlob(int blob) {
     return markers_[static_cast<size_t>(index_of_[static_cast<size_t>(blob)])];
   }
   const std::optional<SphereOutline>& OutlineOf(const ImageView& image, int blob);
-  // Fits the outline again, against what is right beside it, where that differs around the marker.
+  // Fits the outline again, against the background right beside it, if the background is uneven.
   void FitBeside(const ImageView& image, int blob);
   SphereOutlineFitter* fitter() { return &fitter_; }
 
  private:
-  // Fits against what is right beside a marker, in rounds: each where the one before found it.
+  // Fits against the background right beside a marker, in rounds that start from the last fit.
   bool FitNear(const ImageView& image, MeasuredMarker* measured, const Eigen::Matrix2d& shape_px2,
                SphereOutline* outline);
   bool MayWork(double work);

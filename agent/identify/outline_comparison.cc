@@ -10,23 +10,23 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kLikeRadiusPx = 0.03, kLikeRadiusShare = 0.008;  // of one that is expected
-constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;
-constexpr double kLikeStretchSigma = 0.02, kLeastRatio = 0.5;
-// Of the radius by pose and diameter.
+constexpr double kLikeRadiusPx = 0.03, kLikeRadiusShare = 0.008;  // sigma of expected.radius_px
+constexpr double kEdgePx2 = 0.05, kEdgeShare = 0.15;              // sigma of expected.edge_px2
+constexpr double kLikeStretchSigma = 0.02, kLeastRatio = 0.5;  // sigma; least scatter of the others
+// Tolerance of the radius that follows from pose and diameter: px plus a share of it.
 constexpr double kPoseRadiusPx = 0.15, kPoseRadiusShare = 0.05;
-// A sphere that is smaller than the others say and whose edge is that much less on its outline is
-// partly hidden.
+// A sphere is partly hidden if it is this much smaller than the others say and its edge scatters
+// this many times as much.
 constexpr double kHiddenPx = 0.1, kHiddenRatio = 6;
-constexpr double kShortPx = 0.2;  // against what diameter and distance say
-constexpr double kMostSaturatedBehind = 0.1;
-// Signs of an outline of something else, over the place: of what it is smaller than the pose says,
-// and of the radius, per relative slope of the light beyond one.
+constexpr double kShortPx = 0.2;              // the same against what diameter and distance say
+constexpr double kMostSaturatedBehind = 0.1;  // share of pixels; more explain a small outline
+// Error of the place of an outline that is not a sphere's: per pixel that it is smaller than the
+// pose says, and, in radii, per relative slope of the light beyond one.
 constexpr double kSmallError = 0.5, kDarkError = 0.1;
-// The same of one that is longer than the others', per radius and stretch.
+// Error of an outline that is longer than the others by more than kLikeStretch: radii per stretch.
 constexpr double kStretchError = 2, kLikeStretch = 0.04;
 
-// Of one whose edge is less on it than the others' by `least_ratio`.
+// For an outline with an EdgeRatio above `least_ratio`.
 double MissingRadius(const FittedOutlines& outlines, size_t marker,
                      const OutlineExpectation& expected, double least_ratio) {
   const double missing_px = expected.radius_px - outlines[marker]->radius_px;
@@ -62,7 +62,7 @@ OutlineExpectation ExpectationOf(const VerifiedWand& wand, const FittedOutlines&
   if (sizes_m.size() < 2) return expected;
   const double own_m = outlines[marker]->radius_px / wand.px_per_m[marker];
   const double size_m = Median(sizes_m);
-  double spread_m = 0;  // of two none is the middle one
+  double spread_m = 0;  // two have no middle one, so their difference counts
   if (sizes_m.size() == 2) spread_m = std::abs(own_m - size_m);
   expected.radius_px = size_m * wand.px_per_m[marker];
   expected.radius_sigma_px =
@@ -123,7 +123,7 @@ bool IsPartlyHidden(const VerifiedWand& wand, const FittedOutlines& outlines, si
   for (const float one : pixels.saturated_behind) saturated += static_cast<double>(one);
   if (saturated > kMostSaturatedBehind * static_cast<double>(pixels.size())) return false;
   if (MissingRadius(outlines, marker, expected, kHiddenRatio) > 0) return true;
-  // More than one may be.
+  // The others may be hidden too.
   if (!(wand.diameter_m > 0) || wand.px_per_m.size() != outlines.size()) return false;
   const double radius_px = 0.5 * wand.diameter_m * wand.px_per_m[marker];
   return radius_px - own.radius_px > std::max(kShortPx, 1.5 * expected.radius_sigma_px) &&

@@ -13,41 +13,40 @@
 
 namespace rigcal::agent {
 
-// What the outlines of a wand's spheres say of one another, and the pose of each. The spheres are
-// of one size, equally out of focus and, but for perspective, of one shape.
+// Compares the outlines of a wand's spheres with each other and with its pose. The spheres have one
+// size and, but for perspective, one shape, and are equally out of focus.
 
-// By marker; none where the marker has no outline.
+// By marker; none if the marker has no outline.
 using FittedOutlines = absl::InlinedVector<std::optional<SphereOutline>, 3>;
 
-// Of EdgeRatio, from which on an outline may be that of a sphere that is partly hidden.
+// From this EdgeRatio on an outline may be that of a sphere that is partly hidden.
 inline constexpr double kSuspectRatio = 3;
 
-// Of the pixels' residuals, as a ratio of variances, at least 1.
+// Scatter of the pixels' residuals over that of noise, as a ratio of variances, at least 1.
 double ScatterOf(const SphereOutline& outline);
 std::vector<EdgeScatter> ScatterOf(const FittedOutlines& outlines);
 
-// With their distances the middle one of three says how large each outline is and how soft. What
-// hides a part of a sphere makes it smaller, what is beside it larger and softer.
+// Predicts size and softness of an outline from the median of all and their distances. What hides a
+// part of a sphere makes its outline smaller, what is beside it larger and softer.
 OutlineExpectation ExpectationOf(const VerifiedWand& wand, const FittedOutlines& outlines,
                                  size_t marker);
 
-// How much less the edge is on its outline than those of the others, as a ratio of variances.
+// Returns how much more an edge scatters about its outline than the others', a ratio of variances.
 double EdgeRatio(const FittedOutlines& outlines, size_t marker);
 
-// How many pixels smaller than expected an outline is whose edge is less on it than the others'; 0
-// where its edge is on it.
+// By how many pixels an outline is too small, if its edge scatters more than the others'; else 0.
 double MissingRadius(const FittedOutlines& outlines, size_t marker,
                      const OutlineExpectation& expected);
 
-// How far off the place of an outline may be, px, that is longer than the others': what hides a
-// side of a sphere makes it so.
+// Returns how wrong the place of an outline may be, px, because it is longer than the others: what
+// hides a side of a sphere makes it so.
 double WrongByStretch(const FittedOutlines& outlines, size_t marker);
 
-// The same of one that cannot be quite that of a sphere: one that is much smaller than pose and
-// diameter say, or whose light would be less than none on one side.
+// The same for an outline that is not quite a sphere's: it is much smaller than pose and diameter
+// say, or its light would be negative on one side.
 double WrongOutline(const VerifiedWand& wand, size_t marker, const SphereOutline& outline);
 
-// So much of the sphere is hidden that its outline does not tell its centre.
+// Tells whether so much of a sphere is hidden that its outline does not show its centre.
 bool IsPartlyHidden(const VerifiedWand& wand, const FittedOutlines& outlines, size_t marker,
                     const OutlineExpectation& expected, const OutlinePixels& pixels);
 

@@ -8,23 +8,22 @@
 
 #include "agent/detect/blobs/clones.h"
 
-// All instruction sets give the same result: the same operations on the same groups, none of them
-// contracted.
+// All instruction sets give the same result: the same operations on the same groups, uncontracted.
 namespace rigcal::agent {
 namespace {
 
 // Half width of the edge in sigmas: its density is (1 - t^2)^2, of variance 1/7.
 constexpr float kReach = 2.6457513f;
-constexpr float kLeastShape = 0.05f;
-// Of the edge's variance, what is left before a background that clips: only where the sphere covers
-// nearly all of a pixel does it darken.
+constexpr float kLeastShape = 0.05f;  // least factor of the edge's variance in a direction
+// Share of the edge's variance that is left before a background that clips: a pixel darkens only
+// where the sphere covers nearly all of it.
 constexpr float kOutshoneEdge = 0.25f;
-constexpr float kLeastFacing = 0.02f;
-constexpr float kLeastCover = 1e-5f;
+constexpr float kLeastFacing = 0.02f;  // least squared part of the normal towards the camera
+constexpr float kLeastCover = 1e-5f;   // against a division by 0
 
 constexpr size_t kGroup = OutlinePixels::kGroup;
 
-// Half a group: what all instruction sets keep in registers.
+// Half a group, which all instruction sets keep in registers.
 constexpr size_t kLanes = kGroup / 2;
 typedef float Lanes __attribute__((vector_size(kLanes * sizeof(float))));
 
@@ -38,18 +37,18 @@ RIGCAL_INLINE Lanes Load(const float* from) {
 
 RIGCAL_INLINE void Store(const Lanes& lanes, float* to) { std::memcpy(to, &lanes, sizeof(lanes)); }
 
-// So many groups' rows stay in the first cache with all sums.
+// So many groups' rows stay in the first-level cache together with all sums.
 constexpr size_t kChunk = 4;
-constexpr size_t kTileHeight = 4;
+constexpr size_t kTileHeight = 4;  // rows that AddTile takes at once
 
-// Rows of derivatives, weighted, and the sums of each lane.
+// Weighted rows of derivatives, and the sums by lane.
 struct WeightedRows {
   float rows[kChunk * kOutlineCount * kGroup];
   float sums[kOutlineCount * (kOutlineCount + 1) * kLanes];  // by i, then by j or the residual
 };
 
-// Adds the products of kHeight weighted rows with another row, or two. From one row to the next:
-// kGroup values; of the other row, from one group to the next: `stride`.
+// Adds the products of kHeight weighted rows with one other row, or two. Rows are kGroup values
+// apart; the groups of the other row are `stride` apart.
 template <size_t kHeight, bool kTwo>
 RIGCAL_INLINE void AddTile(const float* weighted, const float* other, size_t stride, size_t groups,
                            float* sums) {
@@ -79,7 +78,7 @@ RIGCAL_INLINE void AddTile(const float* weighted, const float* other, size_t str
   }
 }
 
-// The rows from `i` on with those up to them and with the residual.
+// Multiplies the rows from `i` on with all rows up to them and with the residual.
 template <size_t kHeight>
 RIGCAL_INLINE void AddBand(size_t i, const float* rows, size_t stride, const float* residual,
                            size_t groups, WeightedRows* weighted) {
@@ -95,7 +94,7 @@ RIGCAL_INLINE void AddBand(size_t i, const float* rows, size_t stride, const flo
   AddTile<kHeight, false>(band, residual, kGroup, groups, sums + kOutlineCount * kLanes);
 }
 
-// Of the first kUsed parameters.
+// Sums over the first kUsed parameters.
 template <size_t kUsed>
 RIGCAL_INLINE void SumRows(const float* rows, size_t stride, const float* weight,
                            const float* residual, size_t groups, WeightedRows* weighted) {
@@ -123,7 +122,7 @@ RIGCAL_INLINE void SumRows(const float* rows, size_t stride, const float* weight
   }
 }
 
-// Of a sphere's own light, and of all parameters.
+// For a sphere's own light, and for all parameters.
 RIGCAL_CLONES void SumOwn(const float* rows, size_t stride, const float* weight,
                           const float* residual, size_t groups, WeightedRows* weighted) {
   SumRows<kOutlineOwnX>(rows, stride, weight, residual, groups, weighted);
@@ -134,11 +133,11 @@ RIGCAL_CLONES void SumAll(const float* rows, size_t stride, const float* weight,
   SumRows<kOutlineCount>(rows, stride, weight, residual, groups, weighted);
 }
 
-// So many groups' spreads, of which each is hardly more than 1e5, are multiplied before a
-// logarithm.
+// Groups whose spreads are multiplied before a logarithm is taken. A spread is hardly more than
+// 1e5, so a double holds the product.
 constexpr size_t kSpreadChunk = 16;
 
-// Products and sums by lane.
+// Products of the spreads, and sums, by lane.
 struct LaneSums {
   double product[kGroup];
   float weights[kGroup], squared_weights[kGroup], squares[kGroup];
@@ -173,7 +172,7 @@ RIGCAL_CLONES void WeighGroups(const float* __restrict coverage, const float* __
   *sums = all;
 }
 
-// One group; of the derivatives all, or only that by the radius.
+// Fills the rows of one group, with all derivatives or only that by the radius.
 template <bool kWhite, bool kAll>
 RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restrict at_y,
                              const float* __restrict shading, const float* __restrict outshone,
@@ -206,8 +205,8 @@ RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restri
     const float t = raw < -1 ? -1 : raw > 1 ? 1 : raw, t2 = t * t;
     const float cover = 0.5f + t * (15 - 10 * t2 + 3 * t2 * t2) * (1 / 16.0f);
     const float density = (15 / 16.0f) * (1 - t2) * (1 - t2) * per_sigma * (1 / kReach);
-    // Blur brings light from inside of the outline, from this far in the mean; in half widths of
-    // the edge, and its change with the place.
+    // Blur brings light from further inside the outline: `deeper` is the mean distance in half
+    // widths of the edge, `follows` its change with the place.
     const float squared_rest = (1 - t2) * (1 - t2);
     const float per_cover = 1 / (cover > kLeastCover ? cover : kLeastCover);
     const float deeper = (5 / 32.0f) * squared_rest * (1 - t2) * per_cover;
@@ -218,12 +217,12 @@ RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restri
     const float vx = clip * ux, vy = clip * uy;
     const float along = vx * vx - vy * vy, diagonal = 2 * vx * vy;
     const float squared_v = vx * vx + vy * vy, round = squared_v - 0.5f;
-    // Towards the camera; its slope has no end at the rim.
+    // Part of the normal towards the camera; limited, because its slope is infinite at the rim.
     const float facing = 1 - squared_v < kLeastFacing ? kLeastFacing : 1 - squared_v;
     const float nz = std::sqrt(facing);
     const float lambert =
         q[kOutlineSlopeX] * vx + q[kOutlineSlopeY] * vy + q[kOutlineBendAlong] * nz;
-    // Which of the two models.
+    // Selects one of the two models.
     constexpr float w = kWhite ? 1 : 0, p = 1 - w;
     const float lit = shading[i] * ((lambert > 0 ? 1.0f : 0.0f) + q[kOutlineSky]);
     const float slope_by = p + w * lit;
@@ -234,7 +233,7 @@ RIGCAL_INLINE void FillGroup(const float* __restrict at_x, const float* __restri
                         slope_by * (q[kOutlineSlopeX] * vx + q[kOutlineSlopeY] * vy) +
                         along_by * q[kOutlineBendAlong] + diagonal_by * q[kOutlineBendDiagonal] +
                         q[kOutlineBendRound] * round;
-    // Change of the light with u.
+    // Derivative of the light by u.
     const float along_w = w * lit * q[kOutlineBendAlong] / nz;
     const float raw_x = slope_by * q[kOutlineSlopeX] + w * q[kOutlineOwnX] - along_w * vx +
                         2 * ((p * q[kOutlineBendAlong] + q[kOutlineBendRound]) * vx +

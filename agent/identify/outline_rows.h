@@ -8,7 +8,7 @@
 
 namespace rigcal::agent {
 
-// Parameters of a sphere's outline, see SphereOutlineFitter.
+// Parameters of a sphere's outline; SphereOutlineFitter has the formula.
 enum OutlineParameter : int {
   kOutlineX,
   kOutlineY,
@@ -19,32 +19,32 @@ enum OutlineParameter : int {
   kOutlineEdgeCos,     // b
   kOutlineEdgeSin,     // c
   kOutlineBrightness,  // a
-  kOutlineSlopeX,      // g; of white light Dx and Dy
+  kOutlineSlopeX,      // g; with white light Dx and Dy
   kOutlineSlopeY,
-  kOutlineBendAlong,     // h1; of white light Dz
-  kOutlineBendDiagonal,  // h2; of white light o
+  kOutlineBendAlong,     // h1; with white light Dz
+  kOutlineBendDiagonal,  // h2; with white light o
   kOutlineBendRound,     // h3
-  kOutlineOwnX,          // of white light only: the own light's g
+  kOutlineOwnX,          // with white light only: g of the own light
   kOutlineOwnY,
-  kOutlineSky,       // and k
+  kOutlineSky,       // with white light only: k
   kOutlineOutshone,  // e, px
   kOutlineCount
 };
 
-// Of the weights of a robust loss (1 / spread, spread = 1 + (residual / width)^2), over the pixels
-// that count; residuals in sigmas.
+// Sums over the pixels' weights in a robust loss: weight = 1 / spread, spread = 1 + (residual /
+// width)^2, residuals in sigmas. Pixels of precision 0 do not count.
 struct OutlineWeights {
-  double log_spreads = 0, weights = 0;      // sums
+  double log_spreads = 0, weights = 0;      // sums of log(spread) and of the weight
   double squared_weights = 0, squares = 0;  // sums of weight^2 and of (weight * residual)^2
 };
 
-// Model and its derivatives: for each group of pixels kOutlineCount derivatives, then the value,
-// each of kGroup pixels.
+// The model and its derivatives. Each group of pixels has kOutlineCount rows of derivatives and one
+// row of values, each of kGroup pixels.
 class OutlineRows {
  public:
-  // Fills it with the model of `parameters` (kOutlineCount of them). `white_light`: it is white
-  // light that shades the sphere, not its own. Without it, and where no background is saturated,
-  // the model has those before kOutlineOwnX only.
+  // Computes the model for `parameters` (kOutlineCount of them). With `white_light` the sphere is
+  // shaded by white light, not by its own. Without it, and if no background is saturated, the model
+  // has only the parameters before kOutlineOwnX.
   void Model(const OutlinePixels& pixels, const float* parameters, bool white_light = false);
   // The same with the derivative by the radius only.
   void ModelEdge(const OutlinePixels& pixels, const float* parameters, bool white_light);
@@ -52,14 +52,14 @@ class OutlineRows {
   float value(size_t pixel) const { return Of(kOutlineCount, pixel); }
   float slope(OutlineParameter parameter, size_t pixel) const { return Of(parameter, pixel); }
 
-  // What the pixels' coverages are above the model into `residual`, and their robust weights times
-  // squared precision into `weight`. `width`: of the loss, in sigmas.
+  // Writes coverage minus model into `residual`, and the robust weight times squared precision into
+  // `weight`. `width` of the loss is in sigmas.
   OutlineWeights Weigh(const OutlinePixels& pixels, float width, std::vector<float>* residual,
                        std::vector<float>* weight) const;
 
-  // Sums of weight * slope_i * slope_j, of the parameters that the model has, into the lower
-  // triangle of `products` (kOutlineCount^2, row by row) and of weight * slope_i * residual into
-  // `gradient`. `weight` and `residual`: of each pixel.
+  // Writes the sums of weight * slope_i * slope_j over the model's parameters into the lower
+  // triangle of `products` (kOutlineCount^2, row by row), and those of weight * slope_i * residual
+  // into `gradient`.
   void Sum(const std::vector<float>& weight, const std::vector<float>& residual, float* products,
            float* gradient);
 
@@ -72,7 +72,7 @@ class OutlineRows {
   }
 
   std::vector<float> rows_;
-  bool has_all_ = true;  // all parameters are the model's
+  bool has_all_ = true;  // the model has all parameters
 };
 
 }  // namespace rigcal::agent

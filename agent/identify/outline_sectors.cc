@@ -8,20 +8,20 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kFittedShare = 11.0 / 16;  // place, radius and shape take five sectors of sixteen
-constexpr double kLeastNoise = 0.1;
-constexpr double kPixelSectors = 32;  // that the scatter of an outline's pixels counts as
-constexpr double kPriorSectors = 8;
-// A stick that the spheres light makes them longer by some hundredths of a pixel, the outer ones on
-// one side only: a bias, which scales the rig, so it does not count. Of an arc, which has little
-// else, it is better than nothing.
+constexpr double kFittedShare = 11.0 / 16;  // place, radius and shape take five sectors
+constexpr double kLeastNoise = 0.1;         // least EdgeScatter::noise
+constexpr double kPixelSectors = 32;        // an outline's pixels count as so many sectors
+constexpr double kPriorSectors = 8;         // all outlines count as so many own sectors
+// One sigma of the edge at the stick. The spheres light the stick, which makes them longer by some
+// hundredths of a pixel, the outer ones on one side only. This bias would scale the rig, so the
+// stick's sides do not count. An arc has little else, so there they do.
 constexpr double kStickPx = 100, kStickOfArcPx = 0.2;
-constexpr double kMostUsual = 5;  // of the usual variance, that a sector counts with
-constexpr double kTooFar = 4;
-// What disturbs a sector disturbs its neighbours too; so much more it moves the place.
+constexpr double kMostUsual = 5;  // times the usual square, as which a sector counts at most
+constexpr double kTooFar = 4;     // squared sigmas; a sector further away gets its own variance
+// What disturbs a sector disturbs its neighbours too, so it moves the place by more.
 constexpr double kShared = 3;
-constexpr double kSaturatedPx = 0.3;  // of an edge before a saturated background
-constexpr double kLeastOfSector = 0.2;
+constexpr double kSaturatedPx = 0.3;    // one sigma of an edge before a saturated background
+constexpr double kLeastOfSector = 0.2;  // of the mean information; sectors with less say nothing
 
 double MeanInformation(const SphereOutline& outline) {
   double sum = 0;
@@ -29,7 +29,7 @@ double MeanInformation(const SphereOutline& outline) {
   return sum / kOutlineSectors;
 }
 
-// Squared distances of the edge and its variances by noise.
+// Squared distances of the edge from the outline, and their variances by noise, px^2.
 struct SectorErrors {
   std::vector<double> squared, variance;
 };
@@ -45,12 +45,12 @@ void AddErrors(const SphereOutline& outline, SectorErrors* errors) {
   }
 }
 
-// What the squares have in the mean beyond `noise` of the variances; few large ones count less.
+// Mean excess of the squares over `noise` times the variances; a few large squares count less.
 double Excess(const SectorErrors& errors, double noise) {
   if (errors.squared.empty()) return 0;
   std::vector<double> sorted = errors.squared;
   std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-  const double most = kMostUsual * sorted[sorted.size() / 2] / 0.455;
+  const double most = kMostUsual * sorted[sorted.size() / 2] / 0.455;  // median of a chi-squared
   double sum = 0;
   for (size_t i = 0; i < errors.squared.size(); ++i) {
     sum += std::min(errors.squared[i], most) - noise * errors.variance[i];
@@ -68,7 +68,7 @@ std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> o
   auto count_of_all = static_cast<double>(all.squared.size());
   double ratios = 0;
   for (size_t i = 0; i < all.squared.size(); ++i) ratios += all.squared[i] / all.variance[i];
-  // Sectors are few, pixels many.
+  // Sectors are few, pixels many: the scatter of the pixels counts too.
   for (const SphereOutline* outline : outlines) {
     if (outline == nullptr) continue;
     ratios += kPixelSectors * outline->pixel_noise;
@@ -86,7 +86,7 @@ std::vector<EdgeScatter> ScatterOfEdges(absl::Span<const SphereOutline* const> o
     const auto count = static_cast<double>(errors.squared.size());
     double variances = 0;
     for (const double variance : errors.variance) variances += variance / std::max(1.0, count);
-    // One sigma of what noise alone gives: up to that much is none, twice that much counts in full.
+    // One sigma of the excess by noise alone. Up to that counts as none, twice that in full.
     const double chance_px2 = usual.noise * variances * std::sqrt(2 / (kPriorSectors + count));
     const double found_px2 =
         (kPriorSectors * std::max(0.0, usual.extra_px2) + count * Excess(errors, usual.noise)) /

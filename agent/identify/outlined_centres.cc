@@ -13,38 +13,39 @@
 namespace rigcal::agent {
 namespace {
 
-// Widths of the edge, per relative slope of the light: blur hides how light changes near the rim.
+// Error of the place in widths of the edge, per relative slope of the light: blur hides how the
+// light changes near the rim.
 constexpr double kShadingError = 0.05;
-// The same along the light: of Lambert's law, and of a polynomial in its place.
+// The same along white light, by Lambert's law and by a polynomial in its place; and across it.
 constexpr double kWhiteError = 0.006, kNoWhiteError = 0.3, kAcrossWhiteError = 0.004;
-constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
-// The same of light that is clipped, whose slope is not seen: where it is brighter, the edge at
-// half of the clipped light is further out.
+constexpr double kCentroidShadingError = 0.25;  // of a centroid: radii, per relative slope
+// Error in widths of the edge if the light is clipped, so that its slope is not seen: where it is
+// brighter, the edge at half of the clipped light is further out.
 constexpr double kClippedError = 0.08;
-constexpr double kHiddenError = 0.5;  // radii, per share of the edge that is elsewhere
-// Spheres of one wand that are so near, in widths of the edge, are joined by blur, which moves them
-// along the line between them.
+constexpr double kHiddenError = 0.5;  // of a centroid: radii, per share of the edge off the outline
+// Blur joins spheres of a wand that are nearer than kNearGap widths of the edge, and moves them by
+// kNearPx along the line between them.
 constexpr double kNearGap = 3, kNearPx = 0.05;
-// Where spheres have much less noise than what is around them, that is textured, and so is the half
-// of an edge's pixels that is background: of the variance of the ring around them.
+// Least EdgeScatter::noise. Spheres with much less noise than the ring have a textured background,
+// and half of an edge's pixels is background.
 constexpr double kLeastEdgeNoise = 0.55;
-constexpr double kPlacePerEdge = 2.0 / kOutlineSectors;  // variances, of all sectors
-constexpr double kBackgroundError = 0.22;  // widths of an edge, per step behind over the contrast
-constexpr double kNeighbourPx = 0.05;      // of the edge, where something else is near
-constexpr double kBesideError = 0.9;       // of what the background right beside it moved a centre
-constexpr double kCutError = 0.045;        // radii, of an outline that the border cuts
-constexpr double kAloneError = 0.2;        // radii
-constexpr double kMostSigmaPx = 0.5;       // a centre that is known worse is not delivered
-constexpr double kOddPx = 0.04, kOddError = 0.6;       // of the place, per error of the radius
-constexpr double kSofterPx = 0.1, kSofterError = 0.4;  // the same of the edge's softness
-// Of the slopes' variance by noise, over the root of their number.
+constexpr double kPlacePerEdge = 2.0 / kOutlineSectors;  // place's variance over a sector's
+constexpr double kBackgroundError = 0.22;                // widths of the edge, per background_steps
+constexpr double kNeighbourPx = 0.05;  // one sigma of the edge, if something else is near
+constexpr double kBesideError = 0.9;   // of MeasuredMarker::moved_px
+constexpr double kCutError = 0.045;    // radii, of an outline that the border cuts
+constexpr double kAloneError = 0.2;    // radii, if a marker is hidden and none has an outline
+constexpr double kMostSigmaPx = 0.5;   // centres that are less well known are not delivered
+// Error of the place per px by which the radius (odd) or the edge (softer) exceeds its tolerance.
+constexpr double kOddPx = 0.04, kOddError = 0.6;
+constexpr double kSofterPx = 0.1, kSofterError = 0.4;
+// Share of the slopes' variance by noise that is added, over the root of their number.
 constexpr double kUnknownSlope = 0.5;
-constexpr double kLeastSlope = 0.005;
-constexpr double kEvenLight = 4;  // slope_chi_squared
-constexpr double kWhiteGain = 4;  // half a chi-squared
+constexpr double kLeastSlope = 0.005;  // least SlopeSigma
+constexpr double kEvenLight = 4;       // slope_chi_squared, up to which the light is even
+constexpr double kWhiteGain = 4;       // half a chi-squared, by which white light must fit better
 
-// One sigma of the relative slopes of the light on the wand's spheres, of all light or of their
-// own.
+// One sigma of the relative slopes of the light on the wand's spheres; `own`: of their own light.
 double SlopeSigma(const FittedOutlines& fitted, bool own) {
   double squares = 0, noise = 0;
   int count = 0;
@@ -61,7 +62,7 @@ double SlopeSigma(const FittedOutlines& fitted, bool own) {
   return std::clamp(std::sqrt(variance), kLeastSlope, SphereShading::kAnySlope);
 }
 
-// The outlines with the kind of light, the same on all spheres, that fits better.
+// Returns the outlines with the kind of light, the same for all spheres, that fits better.
 FittedOutlines WithTheirLight(const OutlinedMarkers& markers, const VerifiedWand& wand,
                               bool may_be_white, SphereOutlineFitter* fitter,
                               SphereShading* light) {
@@ -83,7 +84,7 @@ FittedOutlines WithTheirLight(const OutlinedMarkers& markers, const VerifiedWand
   return light->white ? white : own;
 }
 
-// A wand's centres, step by step.
+// Sets a wand's centres, step by step.
 class OutlinedCentres {
  public:
   OutlinedCentres(const OutlinedMarkers& markers, SphereOutlineFitter* fitter, VerifiedWand* wand,
@@ -122,7 +123,7 @@ class OutlinedCentres {
   }
 
  private:
-  // The prior of the slopes is not noise, which `scatter` scales.
+  // Returns light whose prior keeps its weight when `scatter` scales the noise.
   SphereShading LightOver(double scatter) const {
     SphereShading light = light_;
     light.slope_sigma = slope_sigma_ / std::sqrt(scatter);
@@ -141,8 +142,7 @@ class OutlinedCentres {
     }
   }
 
-  // What is a sphere, and how its edge scatters, is told by all pixels; its place by those whose
-  // background is known.
+  // All pixels tell how a sphere's edge scatters, those with a known background its place.
   void CountUnsure(size_t k) {
     if (!outlines_[k] || without_.Has(WandMechanism::kUnsureBackground)) return;
     OutlinePixels& pixels = *markers_[k].pixels;
@@ -162,7 +162,7 @@ class OutlinedCentres {
       wand_.whole[k] = false;
       return;
     }
-    // Not enough to leave it out.
+    // Too little to leave it out, but an error all the same.
     const double missing_px = MissingRadius(outlines_, k, expected);
     const double odd_px = expected.radius_px > 0 ? outlines_[k]->radius_px - expected.radius_px : 0;
     const double softer_px =
@@ -179,16 +179,16 @@ class OutlinedCentres {
       wrong_px = std::hypot(wrong_px, kClippedError * outline.edge_px);
     }
     centre.centre_px = outline.centre_px;
-    // Of the sectors' mean, by what the background behind them may be.
+    // Variance of a sector's edge, px^2, because of an uneven background or something else near.
     const double background_px2 =
         std::max(Squared(kBackgroundError * outline.edge_px * centre.background_steps),
                  centre.has_neighbour ? Squared(kNeighbourPx) : 0.0);
     const double noise = std::max(scatters_[k].noise, kLeastEdgeNoise);
     centre.covariance_px2 = noise / outline.follows * outline.covariance_px2 +
                             kPlacePerEdge * background_px2 * Eigen::Matrix2d::Identity();
-    // What is not on an ellipse may be hidden in part, or more than was left out.
+    // An edge that scatters about its ellipse may be hidden in part, or more than was left out.
     centre.covariance_px2 *= std::max(1.0, EdgeRatio(first_, k) / (centre.cut ? 1 : kSuspectRatio));
-    // A radius or a shape that is a little wrong moves the middle of what the border leaves.
+    // A slightly wrong radius or shape moves the middle of what the border leaves.
     if (centre.cut) wrong_px = std::hypot(wrong_px, kCutError * outline.radius_px);
     WidenByNear(k, outline.edge_px);
     const Eigen::Vector2d moved_px = kBesideError * markers_[k].moved_px;
@@ -199,7 +199,7 @@ class OutlinedCentres {
     if (sigma_px > kMostSigmaPx) wand_.whole[k] = false;
   }
 
-  // With what the others say and with sectors that count as much as their edges are on the outline.
+  // Fits again, with what the other spheres say, and sectors weighted by how near their edges are.
   SphereOutline FittedAgain(size_t k, const OutlineExpectation& expected, bool is_odd) {
     const EdgeScatter& scatter = scatters_[k];
     OutlineExpectation scaled = expected;
@@ -230,13 +230,13 @@ class OutlinedCentres {
       const double gap_px = way_px.norm() - own.radius_px - other.radius_px;
       if (j == k || gap_px > kNearGap * edge_px) continue;
       own.covariance_px2 += Squared(kNearPx) * way_px * way_px.transpose() / way_px.squaredNorm();
-      // The outlines of spheres that overlap are not told apart.
+      // The outlines of spheres that overlap cannot be told apart.
       if (gap_px < 0) wand_.whole[k] = false;
     }
   }
 
-  // Light from one side is not quite a polynomial. Widens the covariance along the light, and
-  // returns one sigma of the error across, px.
+  // Light from one side is not quite a polynomial. Widens the covariance along white light, and
+  // returns one sigma of the error in every direction, px.
   double WidenByLight(const SphereOutline& outline, MarkerCentre* centre) const {
     const double slope = std::min(light_sigma_ * std::sqrt(2.0), outline.slope.norm());
     const double blurred_px = slope * outline.edge_px;
@@ -249,7 +249,7 @@ class OutlinedCentres {
     return kAcrossWhiteError * blurred_px;
   }
 
-  // Light from one side and what hides a part move a centroid.
+  // Light from one side and what hides a part of a sphere move a centroid.
   void WidenCentroid(size_t k) {
     MarkerCentre& centre = wand_.centres[k];
     double wrong_px = kCentroidShadingError * light_sigma_ * centre.radius_px;
@@ -257,7 +257,7 @@ class OutlinedCentres {
       wrong_px =
           std::hypot(wrong_px, kHiddenError * fitted_[k]->off_outline * fitted_[k]->radius_px);
     }
-    // What hides another marker may hide a part of this one, too; without outlines nothing tells.
+    // What hides another marker may hide a part of this one too; without outlines nothing shows it.
     if (has_hidden_ && !has_outline_) {
       wrong_px = std::hypot(wrong_px, kAloneError * centre.radius_px);
     }
@@ -270,7 +270,7 @@ class OutlinedCentres {
   VerifiedWand& wand_;
   SphereShading light_;
   double slope_sigma_ = 0, light_sigma_ = 0;
-  // With any slope of the light; as they are expected to be; those before the last fit.
+  // Outlines with any slope of the light; with its prior and in later fits; before the last fit.
   FittedOutlines fitted_, outlines_, first_;
   std::vector<EdgeScatter> scatters_;
   bool has_hidden_ = false, has_outline_ = false;

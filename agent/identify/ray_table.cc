@@ -12,8 +12,8 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kLeastCellPx = 32, kMostCells = 64;  // along the longer side
-constexpr int kBeyondCells = 2;      // of the image, on each side: markers that its border cuts
-constexpr double kMostStepPx = 0.1;  // of which a square is left
+constexpr int kBeyondCells = 2;      // on each side of the image, for markers that the border cuts
+constexpr double kMostStepPx = 0.1;  // Newton's step; the error that it leaves goes with its square
 
 }  // namespace
 
@@ -46,7 +46,7 @@ RayTable::RayTable(const Intrinsics& intrinsics, const ImageSize& image_size_px)
 
 int RayTable::CellOf(const Eigen::Vector2d& pixel, Eigen::Vector2d* share) const {
   const Eigen::Vector2d cells = pixel / cell_px_ + Eigen::Vector2d::Constant(kBeyondCells);
-  // NaN is nowhere.
+  // NaN lies in no cell.
   if (!(cells.x() >= 0 && cells.y() >= 0 && cells.x() < columns_ - 1 && cells.y() < rows_ - 1)) {
     return -1;
   }
@@ -70,7 +70,7 @@ bool RayTable::RayOf(const Eigen::Vector2d& pixel, Eigen::Vector2d* normalised,
     const Eigen::Vector2d* const below = above + columns_;
     *normalised = (1 - share.y()) * ((1 - share.x()) * above[0] + share.x() * above[1]) +
                   share.y() * ((1 - share.x()) * below[0] + share.x() * below[1]);
-    // A step of Newton's method.
+    // One step of Newton's method corrects the interpolated ray.
     if (Project(intrinsics_, normalised->homogeneous(), &seen_px, d_pixel_d_point)) {
       const Eigen::Vector2d off_px = pixel - seen_px;
       const Eigen::Matrix2d derivative = d_pixel_d_point->leftCols<2>();

@@ -10,7 +10,7 @@
 namespace rigcal::agent {
 namespace {
 
-// Of a marker's centre, by its blob's radius: what is further away is something beside it.
+// Largest distance of a marker's centre from its blob's; what is further away is something else.
 constexpr double kOwnPlacePx = 1;
 constexpr double kOwnPlaceRadii = 0.6;
 

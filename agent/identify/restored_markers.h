@@ -9,9 +9,9 @@
 
 namespace rigcal::agent {
 
-// Takes markers of a wand for whole that are not by their centroids, where their outlines are those
-// of whole spheres: something behind a marker moves and skews its centroid, but not its outline.
-// Those that `wand` says are whole stay as they are.
+// Accepts markers as whole that are not so by their centroids, if their outlines are those of whole
+// spheres: something behind a marker moves its centroid, but not its outline. Markers that `wand`
+// says are whole stay as they are. Stops at the first marker that is not accepted.
 void RestoreByOutlines(const ImageView& image, absl::Span<const Blob> blobs,
                        MeasuredMarkers* markers, VerifiedWand* wand);
 

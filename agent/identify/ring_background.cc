@@ -22,9 +22,9 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kMinArcs = 16, kMaxArcs = 64;
-constexpr float kAlike = 0.4f;  // of the contrast: as near as this is the marker's colour
+constexpr float kAlike = 0.4f;  // of the contrast: a pixel this near to the plateau is the marker's
 constexpr int kMinRingPixels = 24;
-constexpr float kOverlap = 0.3f;  // of an arc, into each neighbour
+constexpr float kOverlap = 0.3f;  // of an arc, by which it reaches into each neighbour
 
 typedef uint8_t Sixteen __attribute__((vector_size(16)));
 
@@ -43,8 +43,8 @@ uint8_t Smallest(Sixteen values) {
 #endif
 }
 
-// The upper median of up to 16 kVectors grey levels: the smallest one that more than half of them
-// do not exceed, by comparing each with all.
+// Returns the upper median of up to 16 kVectors grey levels: the smallest level that more than half
+// of them do not exceed. It compares each with all.
 template <int kVectors>
 uint8_t MedianOfFew(std::span<const uint8_t> values) {
   uint8_t padded[16 * kVectors] = {};
@@ -55,7 +55,7 @@ uint8_t MedianOfFew(std::span<const uint8_t> values) {
     const Sixteen other = Sixteen{} + value;
     for (int k = 0; k < kVectors; ++k) not_above[k] -= (Sixteen)(other <= own[k]);
   }
-  // What fills up, 0, is not exceeded by more than half only if that is the median.
+  // The zeros that fill up the vectors pass this test only if the median is 0.
   const Sixteen half = Sixteen{} + static_cast<uint8_t>(values.size() / 2);
   Sixteen smallest = Sixteen{} - 1;
   for (int k = 0; k < kVectors; ++k) {
@@ -67,14 +67,14 @@ uint8_t MedianOfFew(std::span<const uint8_t> values) {
 
 using GreyCounts = std::array<int, 256>;
 
-// The upper median of counted grey levels.
+// Returns the upper median of counted grey levels.
 int MedianOf(const GreyCounts& counts, int total) {
   int grey = 0, below = 0;
   while ((below += counts[static_cast<size_t>(grey)]) <= total / 2) ++grey;
   return grey;
 }
 
-// The upper median.
+// Returns the upper median.
 uint8_t MedianGrey(std::span<const uint8_t> values) {
   if (values.size() <= 16) return MedianOfFew<1>(values);
   if (values.size() <= 32) return MedianOfFew<2>(values);
@@ -83,8 +83,8 @@ uint8_t MedianGrey(std::span<const uint8_t> values) {
   return static_cast<uint8_t>(MedianOf(counts, static_cast<int>(values.size())));
 }
 
-// One sigma of values around medians of some ten of them, by how often they are so far away,
-// without what does not belong to them.
+// One sigma of the pixels' noise from their distances to the medians of arcs of some ten pixels,
+// without outliers; at least 0.5 grey levels.
 double NoiseSigma(const GreyCounts& residuals) {
   const int total = std::accumulate(residuals.begin(), residuals.end(), 0);
   if (total == 0) return 0.5;
@@ -95,12 +95,12 @@ double NoiseSigma(const GreyCounts& residuals) {
     squares += grey * grey * residuals[static_cast<size_t>(grey)];
     count += residuals[static_cast<size_t>(grey)];
   }
-  // The cut leaves 0.95 of a Gaussian's variance; a median of few takes 5 % of it along.
+  // The cut leaves 0.95 of a Gaussian's variance, and a median of few pixels takes 5 % of it along.
   return std::max(0.5, std::sqrt(static_cast<double>(squares) /
                                  (0.9 * static_cast<double>(std::max(int64_t{1}, count)))));
 }
 
-// Directions of a row's pixels, 0 to `all`.
+// Writes the directions of a row's pixels, 0 to `all`.
 RIGCAL_CLONES void WriteTurns(float x, float y, int step, int count, float all,
                               float* __restrict turns) {
   constexpr auto kPi = std::numbers::pi_v<float>;
@@ -110,7 +110,7 @@ RIGCAL_CLONES void WriteTurns(float x, float y, int step, int count, float all,
     const auto at = x + static_cast<float>(i * step);
     const float ax = at < 0 ? -at : at;
     const float low = ax < ay ? ax : ay, high = ax < ay ? ay : ax;
-    // atan to 1e-4 rad: arcs are a hundred times as long.
+    // atan to 1e-4 rad; an arc spans at least 0.1 rad.
     const float t = low / (high + 1e-20f), t2 = t * t;
     const float below_45 =
         t *
@@ -138,7 +138,7 @@ void RingBackground::TurnsOf(const Eigen::Vector2d& offset, int step, int count,
              static_cast<float>(arcs_.size()), turns->data());
 }
 
-// Arcs overlap: a pixel near an end also counts for the neighbour.
+// Arcs overlap: a pixel near an end counts for the neighbour too.
 template <typename Visit>
 void RingBackground::ForArcsOf(const RingPixel& pixel, Visit visit) const {
   const size_t count = arcs_.size();
@@ -155,7 +155,7 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
   const Eigen::Matrix2d ring = aperture.Grown(where.from_px);
   const Eigen::Matrix2d edge = aperture.Grown(where.from_px + where.width_px);
   const int count =
-      2 * std::clamp(  // each has an opposite one
+      2 * std::clamp(  // so that each has an opposite one
               static_cast<int>(std::numbers::pi * (aperture.b + where.from_px) / where.arc_px),
               kMinArcs / 2, kMaxArcs / 2);
   arcs_.assign(static_cast<size_t>(count), Arc());
@@ -175,7 +175,7 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
       pixel += (is_mono ? 1 : 3) * window.step;
     }
   };
-  // What is inside of the ring is left out.
+  // Pixels inside of the ring are skipped.
   ForEllipseRows(window, aperture.centre_px, edge, [&](const GridRow& row) {
     const Eigen::Vector2d offset(row.x - aperture.centre_px.x(), row.y - aperture.centre_px.y());
     const EllipseChord inner(ring, offset.y());
@@ -193,7 +193,7 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
   });
   if (pixels_.size() < kMinRingPixels) return false;
   const size_t channels = is_mono ? 1 : 3;
-  // Pixels of the ring that look like the marker belong to the next one.
+  // Pixels of the ring that look like the marker belong to a neighbouring one.
   Eigen::Vector3f middle = Eigen::Vector3f::Zero();
   for (size_t c = 0; c < channels; ++c) {
     GreyCounts counts{};
@@ -235,8 +235,7 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
       for (const uint8_t value : values) ++residuals[static_cast<size_t>(std::abs(value - median))];
     }
   }
-  // Arcs without a pixel, outside of the image or hidden by a neighbour, are like the nearest
-  // one.
+  // Arcs without pixels, outside of the image or hidden by a neighbour, become like the nearest.
   const std::vector<Arc> read = arcs_;
   for (int k = 0; k < count; ++k) {
     for (int step = 0; step <= count / 2 && arcs_[static_cast<size_t>(k)].pixels == 0; ++step) {

@@ -14,7 +14,7 @@
 
 namespace rigcal::agent {
 
-// The channels of a pixel; of an image with one, the others are 0.
+// Returns the grey levels of a pixel by channel; those that a mono image lacks are 0.
 inline Eigen::Vector3f GreyAt(const ImageView& image, int x, int y) {
   const uint8_t* row = image.Row(y);
   if (image.format == PixelFormat::kMono8) return {static_cast<float>(row[x]), 0, 0};
@@ -22,7 +22,7 @@ inline Eigen::Vector3f GreyAt(const ImageView& image, int x, int y) {
   return {static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2])};
 }
 
-// Of the same, the sum of squares.
+// Returns the sum of squares of a pixel's grey levels.
 inline int SquaredGreyAt(const ImageView& image, int x, int y) {
   const bool is_mono = image.format == PixelFormat::kMono8;
   const uint8_t* const pixel = image.Row(y) + (is_mono ? x : 3 * x);
@@ -31,7 +31,7 @@ inline int SquaredGreyAt(const ImageView& image, int x, int y) {
   return sum;
 }
 
-// A window, of which every `step`-th pixel of every `step`-th row is looked at.
+// A window of which every `step`-th pixel of every `step`-th row is read.
 struct PixelGrid {
   PixelRect rect;
   int step = 1;
@@ -44,23 +44,23 @@ struct PixelGrid {
   }
 };
 
-// Pixels of a grid side by side.
+// Consecutive pixels of a row of a grid.
 struct GridRow {
-  size_t number;  // of the first one, in the grid
-  int x, y;       // of the first one
+  size_t number;  // of the first pixel, in the grid
+  int x, y;       // of the first pixel
   int count;
 };
 
-// A row through the ellipse d^T shape d <= 1, `dy` below its centre.
+// The chord of the ellipse d^T shape d <= 1 in the row `dy` below its centre.
 struct EllipseChord {
   EllipseChord(const Eigen::Matrix2d& shape, double dy)
       : half_squared((shape(0, 0) - shape.determinant() * dy * dy) / (shape(0, 0) * shape(0, 0))),
         half(std::sqrt(std::max(0.0, half_squared))),
         middle(-shape(0, 1) / shape(0, 0) * dy) {}
 
-  double half_squared;  // of the length; negative: past the ellipse
-  double half;
-  double middle;  // from the ellipse's centre
+  double half_squared;  // square of `half`; negative: the row passes the ellipse
+  double half;          // half of its length
+  double middle;        // its middle, from the ellipse's centre
 };
 
 // Calls visit(row) for the pixels of each row of the grid in the ellipse d^T shape d <= 1 about
@@ -86,7 +86,7 @@ void ForEllipseRows(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
   }
 }
 
-// Calls visit(number, x, y, offset from `centre_px`) for each of them, row by row.
+// Calls visit(number, x, y, offset from `centre_px`) for each of these pixels, row by row.
 template <typename Visit>
 void ForEllipse(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
                 const Eigen::Matrix2d& shape, Visit visit) {
@@ -100,33 +100,32 @@ void ForEllipse(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
 }
 
 // The background around a marker: medians over short arcs of a ring, so that patches of different
-// colours may lie behind. Buffers are kept; one thread at a time.
+// colours may lie behind the marker. Buffers are kept; one thread at a time.
 class RingBackground {
  public:
   struct Arc {
-    Eigen::Vector3f background = Eigen::Vector3f::Zero();
+    Eigen::Vector3f background = Eigen::Vector3f::Zero();  // grey levels by channel
     int pixels = 0;
     bool blocked = false;  // something else is near, here or on the opposite side
   };
 
-  // Where it is read, in pixels.
+  // The ring in which the background is read.
   struct Ring {
-    double from_px;  // outside of the aperture's ellipse
+    double from_px;  // gap between the aperture's ellipse and the ring
     double width_px;
     double arc_px;  // length of an arc
   };
 
-  // Reads the part of the ring that lies in `window`, without what looks like the marker.
-  // `noise_grey`: one sigma of one pixel and channel; may be null. False: too few pixels.
+  // Reads the part of the ring that lies in `window`, without pixels that look like the marker.
+  // `noise_grey` (may be null): one sigma of one pixel and channel. False: too few pixels.
   bool Read(const ImageView& image, const MarkerAperture& aperture, const PixelGrid& window,
             const Eigen::Vector3f& plateau_grey, const Ring& ring, double* noise_grey);
 
-  // The directions of the pixels of a row, 0 to the number of arcs. `offset`: of the first one from
-  // the aperture's centre; `step`: from one to the next.
+  // Writes the directions of a row's pixels, from 0 to the number of arcs. `offset` is the first
+  // pixel's from the aperture's centre, `step` the distance between pixels.
   void TurnsOf(const Eigen::Vector2d& offset, int step, int count, std::vector<float>* turns) const;
 
-  // ForEllipse, with the direction of each pixel: visit(number, x, y, offset, direction). `turns`:
-  // a buffer that is kept.
+  // Like ForEllipse: visit(number, x, y, offset, direction). `turns` is a buffer.
   template <typename Visit>
   void ForDirections(const PixelGrid& grid, const Eigen::Vector2d& centre_px,
                      const Eigen::Matrix2d& shape, std::vector<float>* turns, Visit visit) const {
@@ -140,8 +139,8 @@ class RingBackground {
     });
   }
 
-  // The background behind a pixel in a direction (TurnsOf), between the two arcs next to it, and
-  // the nearer of them.
+  // Returns the background behind a pixel in a direction (TurnsOf), interpolated between the two
+  // arcs next to it. `arc` becomes the nearer of them.
   Eigen::Vector3f At(float direction, size_t* arc) const {
     const float turn = direction - 0.5f;
     const auto low = static_cast<int>(turn + 1) - 1;  // turn is -0.5 or more
@@ -152,8 +151,7 @@ class RingBackground {
     return (1 - share) * arcs_[first].background + share * arcs_[second].background;
   }
 
-  // How much the background changes from arc `k` to its neighbours, by channel; less than twice
-  // `noise_grey` is none.
+  // Largest change from arc `k` to its neighbours, by channel, beyond twice `noise_grey`.
   Eigen::Vector3f StepAt(size_t k, float noise_grey) const {
     const Eigen::Array3f own = arcs_[k].background;
     const Eigen::Array3f before = arcs_[k > 0 ? k - 1 : arcs_.size() - 1].background;
@@ -162,7 +160,7 @@ class RingBackground {
     return (step - 2 * noise_grey).max(0.0f);
   }
 
-  // After Read, in the order of their direction, an even number.
+  // The arcs of the last Read in the order of their directions; each has an opposite one.
   std::vector<Arc>& arcs() { return arcs_; }
   const std::vector<Arc>& arcs() const { return arcs_; }
 
@@ -172,15 +170,15 @@ class RingBackground {
     std::array<uint8_t, 3> grey;
   };
 
-  // Calls visit(arc) for the arc of a pixel and the neighbour that it also counts for.
+  // Calls visit(arc) for the arc of a pixel and for the neighbour that the pixel also counts for.
   template <typename Visit>
   void ForArcsOf(const RingPixel& pixel, Visit visit) const;
 
   std::vector<Arc> arcs_;
   std::vector<RingPixel> pixels_;
-  std::vector<float> turns_;                   // of a row's pixels
+  std::vector<float> turns_;                   // directions of a row's pixels
   std::vector<size_t> ends_;                   // of the arcs in greys_
-  std::array<std::vector<uint8_t>, 3> greys_;  // of the pixels, by channel, arc after arc
+  std::array<std::vector<uint8_t>, 3> greys_;  // by channel, arc after arc
 };
 
 }  // namespace rigcal::agent

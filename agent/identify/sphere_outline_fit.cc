@@ -13,30 +13,32 @@
 namespace rigcal::agent {
 namespace {
 
-// What is expected of the parameters, one sigma. Not of the place.
+// Priors of the parameters, one sigma each; the place has none.
 constexpr double kShapeSigma = 0.04, kEdgeSigma = 1.5, kEdgeShapeSigma = 0.5;
 constexpr double kBendSigma = 0.3, kWhiteSigma = 1.5;
-constexpr double kMostOwnSlope = 0.2;  // one sigma, where white light can be told from it
-constexpr double kSky = 0.2, kSkySigma = 0.2;
-// What a saturated background takes off the outline.
+constexpr double kMostOwnSlope = 0.2;          // limit of the own slopes' sigma beside white light
+constexpr double kSky = 0.2, kSkySigma = 0.2;  // mean and sigma of k
+// What a saturated background takes off the outline: mean and sigma of the prior, and the limit.
 constexpr double kOutshonePx = 0.5, kOutshoneSigmaPx = 0.7, kMostOutshonePx = 3;
-constexpr double kUsualEdgePx2 = 0.5;  // a pixel's own width and a little blur
-constexpr float kCauchy = 2.4f;        // sigmas
-// Another attempt from further away: the mean cost of a pixel with which it may begin, and the
-// widths of the robust loss by which it comes nearer.
+constexpr double kUsualEdgePx2 = 0.5;  // start value of s: a pixel's own width and a little blur
+constexpr float kCauchy = 2.4f;        // width of the robust loss, sigmas
+// A second attempt from further away is made if a pixel costs more than this in the mean. It begins
+// with the robust loss widened by these factors, one after the other.
 constexpr double kFarCost = 1.2;
 constexpr float kWiderLosses[] = {6, 3, 1.5f};
-constexpr size_t kFewest = kOutlineCount + 8;
+constexpr size_t kFewest = kOutlineCount + 8;  // pixels that a fit needs
 constexpr int kMaxRounds = 20;
-constexpr double kLeastRejected = 0.03;  // damping after a step that was too long
-constexpr double kSettledPx = 0.004, kSettledCost = 0.5;
-constexpr double kNearlyPx = 0.03, kNearlyCost = 2;  // is enough in the end
-constexpr double kSameCost = 1e-3;                   // single precision
+constexpr double kLeastRejected = 0.03;                   // damping after a step that was too long
+constexpr double kSettledPx = 0.004, kSettledCost = 0.5;  // a smaller step ends the fit
+constexpr double kNearlyPx = 0.03, kNearlyCost = 2;       // enough when the rounds are used up
+constexpr double kSameCost = 1e-3;                        // rounding in single precision
 constexpr size_t kSectors = kOutlineSectors;
-constexpr double kOffPx = 0.3, kOffShare = 0.03;       // of an edge that is not on the outline
-constexpr double kOffNoises = 2, kMostOffNoise = 1.2;  // sigmas; of the above
+// An edge is off the outline if it is further away than kOffPx plus kOffShare radii and, added in
+// squares, kOffNoises sigmas of its noise; these count as kMostOffNoise times the former at most.
+constexpr double kOffPx = 0.3, kOffShare = 0.03;
+constexpr double kOffNoises = 2, kMostOffNoise = 1.2;
 constexpr double kLeastFollows = 0.6;
-constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'
+constexpr double kOutlineFreedom = 5;  // sectors that place, radius and shape take
 
 constexpr OutlineParameter kPlaceAndSize[] = {kOutlineX, kOutlineY, kOutlineRadius,
                                               kOutlineBrightness};
@@ -44,7 +46,7 @@ constexpr OutlineParameter kPlaceAndSize[] = {kOutlineX, kOutlineY, kOutlineRadi
 using OutlineVector = Eigen::Matrix<double, kOutlineCount, 1>;
 using OutlineMatrix = Eigen::Matrix<double, kOutlineCount, kOutlineCount>;
 
-// Of the first `kUsed` parameters; a model that lacks the others leaves them as they are.
+// Solves for the first `kUsed` parameters; the others are not in the model and stay as they are.
 template <int kUsed>
 OutlineVector SolvedStep(const OutlineMatrix& information, const OutlineVector& gradient) {
   OutlineVector step = OutlineVector::Zero();
@@ -53,7 +55,7 @@ OutlineVector SolvedStep(const OutlineMatrix& information, const OutlineVector& 
   return step;
 }
 
-// Of the place, the size and the brightness; the others stay as they are.
+// Solves for the place, the size and the brightness; the others stay as they are.
 OutlineVector PlaceStep(const OutlineMatrix& information, const OutlineVector& gradient) {
   Eigen::Matrix4d place;
   Eigen::Vector4d slope;
@@ -79,9 +81,9 @@ OutlineMatrix InverseOf(const OutlineMatrix& information) {
 
 }  // namespace
 
-// By comparisons: the ends of the sectors are multiples of 22.5 degrees.
+// Only compares, because the sectors end at multiples of 22.5 degrees.
 size_t OutlineSector(double offset_x, double offset_y) {
-  // Turned into the first quadrant.
+  // Turns the offset into the first quadrant.
   const bool below = offset_y < 0;
   const double x = below ? -offset_x : offset_x, y = below ? -offset_y : offset_y;
   const bool left = !(x > 0);
@@ -184,7 +186,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   q[kOutlineRadius] = start->radius_px;
   q[kOutlineBrightness] = 1;
   q[kOutlineEdge] = kUsualEdgePx2;
-  // The ellipse of the second moment: W is the inverse of its root, up to scale.
+  // Starts from the ellipse of the second moment: W is the inverse of its root, up to scale.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(shape);
   if (!(eigen.eigenvalues()[0] > 0)) return false;
   const Eigen::Matrix2d root = eigen.operatorInverseSqrt();
@@ -244,7 +246,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
     system.cost += 0.5 * missing.dot(prior.cwiseProduct(missing));
     return system;
   };
-  // Where evaluate() was last.
+  // Completes the result of the last evaluate(), which was at the same place.
   const auto sum = [&](const Vector& at, System* system) {
     SumProducts(system);
     system->information.diagonal() += prior;
@@ -274,9 +276,9 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   bool settled = false, nearly = false, current = true;  // rows_ are those of q
   for (int attempt = 0; attempt < attempts && !settled && !nearly; ++attempt) {
     if (attempt > 0) {
-      // What a stick hides of a sphere moves its centroid so far that most of the edge looks like
-      // outliers. Graduated non-convexity (Blake and Zisserman, Visual Reconstruction, 1987): from
-      // a wide loss to a narrow one, with the shape and the light as they are expected.
+      // A stick that hides a part of a sphere moves its centroid so far that most of the edge looks
+      // like outliers. Graduated non-convexity (Blake and Zisserman, Visual Reconstruction, 1987):
+      // the loss goes from wide to narrow, while shape and light stay as expected.
       q = begin;
       for (const float wider : kWiderLosses) {
         wider_loss_ = wider;
@@ -299,7 +301,7 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
       Vector next = q + step;
       limit(&next);
       const double moved_px = (next - q).head<2>().norm();
-      // What the step would gain if the cost were quadratic.
+      // The gain of the step if the cost were quadratic.
       const double expected_gain = 0.5 * step.dot(system.gradient);
       if (moved_px < kSettledPx && expected_gain < kSettledCost) {
         settled = true;
@@ -330,8 +332,8 @@ bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d
   const Matrix full = system.information.selfadjointView<Eigen::Lower>();
   const Matrix covariance =
       has_all ? InverseOf<kOutlineCount>(full) : InverseOf<kOutlineOwnX>(full);
-  // An outlier's weight falls, so that a shift of all pixels changes the sums of w r by the slope
-  // of w r, 2 w^2 - w, not by w: Huber, Robust Statistics (1981), 7.6.
+  // The weight of an outlier falls, so a shift of all pixels changes the sum of w r by the slope of
+  // w r, 2 w^2 - w, not by w: Huber, Robust Statistics (1981), 7.6.
   start->follows = std::clamp((2 * system.slopes - system.weights) / std::max(1.0, system.weights),
                               kLeastFollows, 1.0);
   start->pixel_noise = start->residual * start->residual / start->follows;

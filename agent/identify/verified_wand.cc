@@ -6,8 +6,8 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kWhiteGrey = 240;
-constexpr double kSamePlace = 0.8;  // of a radius
+constexpr double kWhiteGrey = 240;  // grey levels of a white marker, in every channel
+constexpr double kSamePlace = 0.8;  // of the larger radius
 
 }  // namespace
 

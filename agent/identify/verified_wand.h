@@ -13,26 +13,25 @@ struct VerifiedWand {
   absl::InlinedVector<int, 3> blobs;             // by marker
   absl::InlinedVector<MarkerCentre, 3> centres;  // by marker
   absl::InlinedVector<bool, 3> whole;       // by marker: neither cut nor occluded nor disturbed
-  absl::InlinedVector<double, 3> px_per_m;  // by marker, across the line of sight; by the pose
+  absl::InlinedVector<double, 3> px_per_m;  // by marker: scale across the line of sight
   double diameter_m = 0;                    // of the spheres; 0: not known
   WandImageFit fit;
   WandFeatures features;
   double log_odds = 0;          // WandLogOdds
   double confidence = 0;        // 0 to 1, from it
-  double label_confidence = 1;  // 0.5 to 1: against the same blobs with flipped labels
+  double label_confidence = 1;  // 0.5 to 1: against flipped labels of the same blobs
 
   int OccludedCount() const;
 };
 
-// The mean of the markers' plateaus, grey levels over all channels.
+// Returns the mean of the markers' plateaus, grey levels as a norm over all channels.
 double MeanBrightness(const VerifiedWand& wand);
-// None of the markers has a colour.
+// Tells whether all markers are white.
 bool IsWhite(const VerifiedWand& wand);
 
-// No blob in common.
+// Tells whether they have no blob in common.
 bool Disjoint(const VerifiedWand& a, const VerifiedWand& b);
-// The markers are in the same places, in whatever order: the same wand, found in other pieces of
-// its image.
+// The markers are in the same places, in either order: one wand, in other pieces of its image.
 bool SamePlaces(const VerifiedWand& a, const VerifiedWand& b);
 
 }  // namespace rigcal::agent

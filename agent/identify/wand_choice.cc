@@ -10,12 +10,12 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kMargin = 3.2;     // in log-odds, of a wand against the next best
-constexpr double kBrighter = 1.25;  // than its reflection
-constexpr double kCertain = 0.999;
+constexpr double kMargin = 3.2;     // log-odds by which a wand leads the next best
+constexpr double kBrighter = 1.25;  // times as bright as its reflection a wand must be
+constexpr double kCertain = 0.999;  // limit of the label confidence
 
-// The likelihood ratio of the wand's labels against the others for the same spheres: these differ
-// in the pose alone, whose cost is a chi-squared.
+// Computes the likelihood ratio of the wand's labels against the others for the same spheres: these
+// differ only in the pose, whose cost is a chi-squared.
 void SetLabelConfidence(const std::vector<VerifiedWand>& wands, VerifiedWand* wand) {
   for (const VerifiedWand& other : wands) {
     if (&other == wand || !SameBlobs(wand->blobs, other.blobs)) continue;

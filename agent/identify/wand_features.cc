@@ -10,20 +10,21 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kLeastCosine = 0.01;     // of a tilt
-constexpr double kSkewnessScale = 0.012;  // of a sphere of which a sixtieth is hidden
-constexpr double kMostLopsided = 7.5;     // of one marker
-constexpr double kLargeRadiusPx = 5.5;    // of a sphere that looks like nothing else
-// Residuals of an outline, over the noise of its pixels: of a usual sphere, and what is too much.
+constexpr double kLeastCosine = 0.01;     // least cosine of a tilt
+constexpr double kSkewnessScale = 0.012;  // skewness of a sphere of which a sixtieth is hidden
+constexpr double kMostLopsided = 7.5;     // limit for one marker
+constexpr double kLargeRadiusPx = 5.5;    // nothing else looks like a sphere of this size
+// Misfit of a usual sphere; the most that noise explains; and the most that kRough counts.
 constexpr double kUsualMisfit = 0.5, kNoisyMisfit = 1, kMostRough = 0.5;
-constexpr double kMeterNoise = 0.015;   // of a coverage, see MarkerMeter::CollectPixels
-constexpr double kOutlineNoise = 0.03;  // what the model of an outline leaves besides
-// A round outline: of a sphere that the stick, or its shadow, takes a piece of.
+constexpr double kMeterNoise = 0.015;   // one sigma of a coverage, kModelNoise of MarkerMeter
+constexpr double kOutlineNoise = 0.03;  // the same, with what the model of an outline leaves
+// A round outline has so many sectors on it and so few off it. Its misfit is limited, because the
+// stick or its shadow may take a piece of the sphere.
 constexpr double kMostlyOnOutline = 0.75, kHardlyOffOutline = 0.1, kMostRoundMisfit = 0.4;
-// One sigma of a stretch; of its mean what motion does at most.
+// One sigma of a stretch: share plus px / radius; and the largest mean stretch by motion.
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25, kUsualStretch = 0.15;
 
-// What an outline's fit leaves, over what noise and shading may leave.
+// Returns the residual of an outline's fit over what noise and shading may leave.
 double Misfit(const MarkerCentre& centre, const SphereOutline& outline) {
   const double noise = centre.noise_grey / centre.contrast_grey;
   return outline.residual * std::hypot(noise, kMeterNoise) / std::hypot(noise, kOutlineNoise);
@@ -79,12 +80,12 @@ void MeasureShapes(const absl::InlinedVector<const SphereOutline*, 3>& outlines,
     const SphereOutline& outline = *outlines[k];
     const double misfit = Misfit(centre, outline);
     const double excess = Squared(std::max(0.0, misfit - kNoisyMisfit));
-    // The stick takes a piece out of the image, which is lopsided then, but leaves the outline.
+    // The stick takes a piece out of the image, which is then lopsided, but leaves the outline.
     const bool is_round =
         outline.on_outline > kMostlyOnOutline && outline.off_outline < kHardlyOffOutline;
     features[WandFeature::kMisfit] += is_round ? std::min(excess, kMostRoundMisfit) : excess;
     if (!is_round) features[WandFeature::kLopsided] += Lopsided(centre);
-    // Few large things are round, and dim spheres fit no better, by their noise.
+    // Large things are seldom round, and dim spheres fit no better, because of their noise.
     if (!is_large) {
       features[WandFeature::kRough] += std::clamp(misfit - kUsualMisfit, 0.0, kMostRough);
     }

@@ -7,10 +7,10 @@
 
 namespace rigcal::agent {
 
-// Sets the features of pose, brightness and colour.
+// Sets the features of pose, tilt, brightness and colour.
 void MeasureLikeness(VerifiedWand* wand);
 
-// Sets those of the shapes. `outlines`, by marker: null where none can be fitted.
+// Sets the features of the shapes. `outlines`, by marker: null if none can be fitted.
 void MeasureShapes(const absl::InlinedVector<const SphereOutline*, 3>& outlines,
                    VerifiedWand* wand);
 

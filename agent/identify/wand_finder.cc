@@ -15,25 +15,26 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kCellPx = 32;
+constexpr double kCellPx = 32;  // side of a cell of the grid over flat_px
 constexpr int kMaxGridSide = 512;
-constexpr double kMaxCost = 60;       // of a candidate; occluded markers cost more than they should
-constexpr double kMinFill = 0.6;      // area over that of the ellipse of the same moments
+constexpr double kMaxCost = 60;       // chi-squared; occluded markers cost more than they should
+constexpr double kMinFill = 0.6;      // area over that of the ellipse with the same moments
 constexpr double kMaxElongation = 4;  // of a sphere that moves during the exposure
-constexpr double kPlacePx = 0.4, kPlaceShare = 0.1;  // sigma of a blob's centre: + share * radius
-constexpr double kRadiusPx = 0.35, kRadiusShare = 0.1;  // the same of its radius
-constexpr double kGate = 4;                             // sigma
-// Of possible ends, most alike in size first: with hundreds of blobs the work is bounded.
+// One sigma of a blob's centre, and of its radius: px plus a share of the radius.
+constexpr double kPlacePx = 0.4, kPlaceShare = 0.1;
+constexpr double kRadiusPx = 0.35, kRadiusShare = 0.1;
+constexpr double kGate = 4;  // sigmas from the expected place
+// Possible ends, the most alike in size first: bounds the work with hundreds of blobs.
 constexpr size_t kMaxPairs = 20000;
-// Of two markers of a wand against each other.
+// One sigma between a wand's markers (log of brightness; colour), and the largest chi-squared.
 constexpr float kPairBrightnessSigma = 0.42f, kPairColourSigma = 0.21f, kMaxUnlikeness = 12;
-// Of it and of the doubts, against the logarithm of the radii's ratio.
+// Weight of unlikeness and doubts against the logarithm of the radii's ratio, to sort pairs.
 constexpr float kUnlikenessShare = 0.1f;
 
 double PlaceSigma(double radius_px) { return kPlacePx + kPlaceShare * radius_px; }
 
-// Position between the ends of a line's image (0 to 1) of the point at `share` of the line, when
-// the last end is `ratio` times as deep as the first.
+// Returns the position between the ends of a line's image (0 to 1) of the point at `share` of the
+// line, if the last end is `ratio` times as deep as the first.
 double ImageShare(double share, double ratio) { return share * ratio / (1 + (ratio - 1) * share); }
 
 }  // namespace
@@ -79,7 +80,7 @@ WandFinder::WandFinder(const WandFinderOptions& options, const Target& target,
   }
   fit_options_.diameter_m = calibrated ? target.diameter_m : 0;
   fit_options_.span_sigma_m = target.span_tolerance_m;
-  // An assumed lens gives distances up to a factor only, and bends lines.
+  // An assumed lens knows distances only up to a factor, and bends lines.
   const double slack = calibrated ? 1 : 2.5;
   if (!calibrated) fit_options_.span_sigma_m += 0.01 * length_m_;
   fit_options_.min_distance_m = options.limits.min_distance_m / slack;
@@ -181,7 +182,7 @@ bool WandFinder::EndsPossible(const Entry& a, const Entry& b) const {
   if (ra > 2.5 * rb + 2 || rb > 2.5 * ra + 2) return false;
   const double width = (a.sight.ray - b.sight.ray).norm();
   if (!(width > 1e-6)) return false;
-  // Seen across, the wand is no longer than it is, and no nearer than allowed.
+  // Seen across, the wand is not longer than it is, and not nearer than allowed.
   if (width * fit_options_.min_distance_m > 1.2 * length_m_) return false;
   if (!(fit_options_.diameter_m > 0)) return true;
   const double scale = 0.5 * (a.sight.scale_px + b.sight.scale_px);
@@ -237,7 +238,7 @@ void WandFinder::Near(const Eigen::Vector2d& from, const Eigen::Vector2d& to, do
 
 void WandFinder::SearchBetween(const Entry& first, const Entry& last) {
   if (shares_.size() == 2) return Offer({IndexOf(first), IndexOf(last)});
-  // Limits of the depth of the last end over that of the first: by the steepest tilt and the sizes.
+  // Limits of the last end's depth over the first one's: by the steepest tilt, and by the sizes.
   const double width = (first.sight.ray - last.sight.ray).norm();
   const double half = std::min(0.6, 0.5 * width * std::tan(fit_options_.max_tilt_rad));
   const double r0 = first.sight.radius_px, r1 = last.sight.radius_px;
@@ -249,7 +250,7 @@ void WandFinder::SearchBetween(const Entry& first, const Entry& last) {
   const Eigen::Vector2d line = last.flat_px - first.flat_px;
   const double sigma =
       PlaceSigma(0.5 * (r0 + r1)) + fit_options_.span_sigma_m / length_m_ * line.norm();
-  // Away from the middle of the image flat pixels are wider than the camera's.
+  // Away from the image's middle flat pixels are wider than the camera's.
   const double stretch = focal_px_ / (first.sight.scale_px * std::pow(first.sight.ray.z(), 2));
   const double reach = kGate * sigma * std::clamp(stretch, 1.0, 4.0);
   Near(first.flat_px + ImageShare(shares_[1], low * depth) * line,
@@ -275,7 +276,7 @@ void WandFinder::Complete(const Entry& first, const Entry& second, const Entry& 
       std::clamp((second.flat_px - first.flat_px).dot(line) / line.squaredNorm(), 0.01, 0.99);
   const double ratio = q * (1 - shares_[1]) / (shares_[1] * (1 - q));
   absl::InlinedVector<int, 3> chosen = {IndexOf(first), IndexOf(second)};
-  // The ratio carries the second marker's error, more for markers further along.
+  // The ratio carries the second marker's error, which weighs more in the middle of the wand.
   const double error =
       PlaceSigma(second.sight.radius_px) + fit_options_.span_sigma_m / length_m_ * line.norm();
   for (size_t k = 2; k + 1 < shares_.size(); ++k) {

@@ -16,15 +16,15 @@
 
 namespace rigcal::agent {
 
-// What may be a wand.
+// Limits of what may be a wand.
 struct WandLimits {
-  // Of every marker, where intrinsics and spacing are known; metres.
+  // Distances of every marker, metres; 2.5 times as wide without intrinsics.
   double min_distance_m = 0.3;
   double max_distance_m = 20;
-  // Of the wand out of the plane across the line of sight; more makes short, uncertain wands. 10 to
-  // 89 degrees.
+  // Tilt of the wand out of the plane across the line of sight, 10 to 89 degrees. Larger tilts make
+  // short, uncertain wands.
   double max_tilt_deg = 82;
-  double min_confidence = 0.5;  // less is no wand, 0 to 1
+  double min_confidence = 0.5;  // 0 to 1; less is no wand
 
   // Adds every fault.
   void Check(FaultList* faults) const;
@@ -33,61 +33,57 @@ struct WandLimits {
 struct WandFinderOptions {
   WandLimits limits;
   int max_candidates = 40;  // those of least cost are kept
-  int max_fits = 100000;    // poses that are tried, a few microseconds each
-  // By marker: the kind of blob it appears as (its blink frequency). Empty:
-  // any blob can be any marker.
+  int max_fits = 100000;    // poses that are fitted, a few microseconds each
+  // By marker: the kind of blob that it appears as (its blink frequency). Empty: any.
   std::vector<int> marker_kinds = {};
 };
 
 // Blobs that can be the target's markers.
 struct WandCandidate {
-  absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
+  absl::InlinedVector<int, 3> blobs;  // by marker: index into the blobs given to Find
   WandImageFit fit;
-  double cost = 0;  // as is known before it is measured; of the finder: of fit and doubts
+  double cost = 0;  // before it is measured; from Find: of the fit and the doubts
 };
 
-// In whatever order.
+// Tells whether both have the same blobs, in whatever order.
 bool SameBlobs(const absl::InlinedVector<int, 3>& a, const absl::InlinedVector<int, 3>& b);
 
-// INVALID_ARGUMENT: the target or the camera's intrinsics are not valid.
+// Fails with INVALID_ARGUMENT if the target or the camera's intrinsics are not valid.
 absl::Status CheckTargetAndCamera(const Target& target, const CameraDescription& camera);
 
-// Looks for the target among blobs: every pair that can be the two ends, and between them a blob
-// where each inner marker can be seen in perspective; then the cost of the best pose (FitWand). How
-// large a blob is compared with other blobs means nothing, how large it is for its distance does.
-// One marker: every blob of round shape. Both orientations are listed where both are possible. One
-// thread at a time.
+// Looks for the target among blobs: it takes every pair that can be the two ends and, between them,
+// a blob where each inner marker can be seen in perspective; the cost is that of the best pose
+// (FitWand). The size of a blob counts in relation to its distance. A target of one marker takes
+// every round blob. Both orientations are listed if both are possible. One thread at a time.
 class WandFinder {
  public:
-  // The target and camera must be valid. Without intrinsics a lens of usual width without
-  // distortion is assumed, and the tests are wider.
+  // Target and camera must be valid. Without intrinsics it assumes a lens of usual width without
+  // distortion, and tests less strictly.
   WandFinder(const WandFinderOptions& options, const Target& target,
              const CameraDescription& camera);
 
-  // By the costs of pose and doubts, then by blob. `kinds`, of each blob, with
-  // WandFinderOptions::marker_kinds. `colours`, of each blob: grey levels by channel; blobs that
-  // clearly differ in it are not one wand's. `doubts`, of each blob: that it is a sphere, as a
-  // chi-squared. The most alike and least doubtful are tried first. Until the next call.
+  // Returns the candidates by the costs of pose and doubts, then by blob; valid until the next
+  // call. By blob: `kinds` (WandFinderOptions::marker_kinds); `colours`, grey levels by channel
+  // (blobs with clearly different ones are not one wand's); `doubts`, a chi-squared against its
+  // being a sphere. Ends that are alike and not doubtful are tried first.
   const std::vector<WandCandidate>& Find(absl::Span<const Blob> blobs,
                                          absl::Span<const int> kinds = {},
                                          absl::Span<const Eigen::Vector3f> colours = {},
                                          absl::Span<const double> doubts = {});
 
-  // Sets ray and scale of a marker's image around `centre_px`; the rest stays.
-  // False where the lens has no ray.
+  // Sets ray and scale around `centre_px`; the rest stays. False if the lens has no ray there.
   bool Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) const;
-  // Where a point is seen; `point` in frame `cam`, of any scale. False where the lens has no ray.
+  // Projects `point` (frame `cam`, any scale) into the image. False if the lens has no ray there.
   bool ImageOf(const Eigen::Vector3d& point, Eigen::Vector2d* pixel) const;
   const WandImageFitOptions& fit_options() const { return fit_options_; }
   absl::Span<const double> shares() const { return shares_; }  // along the wand, 0 to 1
   double length_m() const { return length_m_; }
   void LimitFits(int max_fits) { options_.max_fits = max_fits; }
   int fits() const { return fits_; }                             // of the last Find
-  bool cut_short() const { return fits_ >= options_.max_fits; }  // the last Find, by max_fits
-  // Of what the last Find left out for that: about the least cost of its likeness and doubts.
+  bool cut_short() const { return fits_ >= options_.max_fits; }  // max_fits ended the last Find
+  // About the least cost, by likeness and doubts, of what max_fits made the last Find leave out.
   double least_cost_left() const { return least_cost_left_; }
-  // Moves the centre of a marker's image to the projection of the sphere's centre, where lens and
-  // diameter are known.
+  // Moves the image's centre to the projection of the sphere's, if lens and diameter are known.
   void ToSphereCentre(const WandImageFit& fit, size_t marker, MarkerObservation* observed) const;
 
  private:
@@ -95,9 +91,9 @@ class WandFinder {
     int blob = 0;
     int kind = 0;
     MarkerSight sight;
-    Eigen::Vector2d flat_px;  // image without distortion: lines are straight
+    Eigen::Vector2d flat_px;  // place in an image without distortion, where lines are straight
     Eigen::Vector3f colour = Eigen::Vector3f::Zero();  // of length 1
-    float brightness = 0;                              // its logarithm
+    float brightness = 0;                              // natural logarithm
     double doubt = 0;
   };
   struct Pair {
@@ -114,11 +110,11 @@ class WandFinder {
   }
   void FillCells();
   void ListPairs();
-  // As a chi-squared.
+  // Returns the difference in brightness and colour as a chi-squared.
   static float Unlikeness(const Entry& a, const Entry& b);
   bool EndsPossible(const Entry& a, const Entry& b) const;
   void SearchBetween(const Entry& first, const Entry& last);
-  // Entries near a piece of the line between two points in flat_px.
+  // Lists the entries near a piece of the line between two points in flat_px.
   void Near(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double reach_px,
             std::vector<int>* found) const;
   void Complete(const Entry& first, const Entry& second, const Entry& last);
@@ -127,7 +123,7 @@ class WandFinder {
   WandFinderOptions options_;
   WandImageFitOptions fit_options_;
   Intrinsics intrinsics_;
-  std::shared_ptr<const RayTable> rays_;  // copies of a finder share it
+  std::shared_ptr<const RayTable> rays_;  // shared by copies of a finder
   double focal_px_ = 1;
   double length_m_ = 1;
   std::vector<double> shares_;

@@ -12,9 +12,9 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kTilts = 21;  // odd: one of them is none
+constexpr int kTilts = 21;  // odd, so that one of them is 0
 constexpr int kRefinements = 12;
-// Common error of all radii by blur and threshold: mean and sigma.
+// Common error of all radii by blur and threshold: mean and one sigma.
 constexpr double kRadiusBiasPx = 0.1, kRadiusBiasSigmaPx = 0.8;
 
 class TiltSearch {
@@ -31,7 +31,7 @@ class TiltSearch {
     distances_m_.resize(sights.size());
     for (size_t k = 0; k < sights.size(); ++k) {
       const MarkerSight& sight = sights[k];
-      // The ends' own errors move the line that the others are compared with.
+      // Errors of the ends move the line with which the others are compared.
       variance_px2_.push_back(Squared(sight.sigma_px) +
                               Squared((1 - shares[k]) * sights.front().sigma_px) +
                               Squared(shares[k] * sights.back().sigma_px));
@@ -44,12 +44,12 @@ class TiltSearch {
 
   bool usable() const { return width_ > 1e-9 && width_ < 1.9; }
 
-  // The ends lie at an angle of tangent `slope` to the plane across the line of sight. Of points
-  // between the rays only the distance and the part along the chord are needed: with unit rays a, b
-  // of distance w, |p a + q b|^2 = (p + q)^2 - p q w^2.
+  // Returns the cost if the line through the ends has an angle of tangent `slope` to the plane
+  // across the line of sight. Of points between the rays only the distance and the part along the
+  // chord are needed: with unit rays a, b at distance w, |p a + q b|^2 = (p + q)^2 - p q w^2.
   double Cost(double slope, WandImageFit* fit) {
     const double half = std::clamp(0.5 * width_ * slope, -0.95, 0.95);
-    const double near = 1 - half, far = 1 + half;  // distances of the ends, of their mean
+    const double near = 1 - half, far = 1 + half;  // distances of the ends over their mean
     const double squared_width = width_ * width_;
     const double mean_m = length_m_ / std::sqrt(Squared(far - near) + far * near * squared_width);
     if (fit != nullptr) {
@@ -106,7 +106,8 @@ class TiltSearch {
   const WandImageFitOptions& options_;
   Eigen::Vector3d chord_, along_, normal_;
   double width_ = 0, first_along_ = 0, last_along_ = 0;
-  // By marker: of its place, squared distance from the line, along the chord, of its radius.
+  // By marker: variance of its place, squared distance of its ray from the plane of the end rays,
+  // part of it along the chord, weight of its radius, distance.
   absl::InlinedVector<double, 4> variance_px2_, across_, ray_along_, radius_weight_, distances_m_;
   double radius_weights_ = 0;
 };
@@ -123,7 +124,7 @@ bool FitWand(absl::Span<const MarkerSight> sights, absl::Span<const double> shar
     if (cost < best) best = cost, best_tilt = tilt, best_slope = slope;
   };
   const double step = 2 * options.max_tilt_rad / (kTilts - 1);
-  // Of the sum of two angles, by their tangents.
+  // Tangent of the sum of two angles, from their tangents.
   const auto added = [](double a, double b) { return (a + b) / (1 - a * b); };
   attempt(0, 0);
   const double step_slope = std::tan(step);
@@ -136,7 +137,7 @@ bool FitWand(absl::Span<const MarkerSight> sights, absl::Span<const double> shar
   if (!std::isfinite(best)) return false;
   double width = 0.5 * step;
   for (int i = 0; i < kRefinements; ++i, width *= 0.6) {
-    // Of a small angle: less than 1e-12 is left out.
+    // Tangent of a small angle; the terms that are left out are below 1e-12.
     const double squared = width * width;
     const double by =
         width * (1 + squared * (1.0 / 3 + squared * (2.0 / 15 + squared * (17.0 / 315))));

@@ -5,18 +5,18 @@
 
 namespace rigcal::agent {
 
-// Parts of the search for a wand that can be left out, to measure what each is worth
+// Parts of the search for a wand that can be left out, to measure what each of them is worth
 // (`rigcal-accuracy detection_value --without`).
 enum class WandMechanism : uint32_t {
-  kRestoredOutlines,  // spheres that are whole by their outlines only
-  kLambertShading,    // white light as Lambert's law has it
-  kBesideOutlines,    // outlines against what is right beside them, where backgrounds are uneven
-  kUnsureBackground,  // pixels in front of a border between two things count less
-  kOtherSpheres,      // the size and softness that the others say, of centres
+  kRestoredOutlines,  // spheres that only their outlines show to be whole
+  kLambertShading,    // white light by Lambert's law
+  kBesideOutlines,    // outlines against the background right beside them, where it is uneven
+  kUnsureBackground,  // pixels before a border between two backgrounds count less
+  kOtherSpheres,      // size and softness that the other spheres predict
   kPaleLevels,        // colours paler than configured
 };
 
-// Those that are left out.
+// The mechanisms that are left out.
 class WandMechanisms {
  public:
   void Insert(WandMechanism mechanism) { bits_ |= Bit(mechanism); }

@@ -7,9 +7,9 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kHalfShare = 0.25, kHalfPx = 1.0;  // half the band's width, of the radius
-constexpr double kBlurPx = 1.5;                     // of the outline, inwards
-constexpr double kUsualEdgePx = 0.7;                // softer ones blur the stick more
+constexpr double kHalfShare = 0.25, kHalfPx = 1.0;  // half the band's width: share of radius + px
+constexpr double kBlurPx = 1.5;       // of the outline: the band begins further inside by this
+constexpr double kUsualEdgePx = 0.7;  // softer edges blur the stick more
 
 }  // namespace
 

@@ -9,10 +9,10 @@
 
 namespace rigcal::agent {
 
-// Marks the pixels on which the stick may be that carries the spheres (OutlinePixels::stick_side):
-// a band along the wand, from where it leaves a sphere that points at the camera so much, on both
-// sides: which one does is not told well. Lit by the spheres it makes them longer, dark before them
-// shorter, on one side or on both. Nothing is marked of a wand with one marker.
+// Marks the pixels on which the stick that carries the spheres may be (OutlinePixels::stick_side):
+// a band along the wand, from where it leaves a sphere at this tilt. Both sides are marked, because
+// it is not well known on which one the stick is seen. Lit by the spheres it makes them longer,
+// dark before them shorter, on one side or on both. A wand with one marker gets no marks.
 void MarkStick(const VerifiedWand& wand, size_t marker, const SphereOutline& outline,
                OutlinePixels* pixels);
 

@@ -14,18 +14,19 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
+constexpr double kPlaceFloorPx = 0.05;  // one sigma of what the lens model leaves
+// One sigma of a measured radius: px plus a share of it.
 constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
-// Before a saturated background a sphere looks that much smaller; one sigma of it and of its place.
+// Before a saturated background a sphere looks smaller by this; sigmas of that and of its place.
 constexpr double kSmallerPx = 0.8, kSmallerSigmaPx = 1, kSaturatedPlacePx = 0.5;
-constexpr double kNotWholeSigma = 0.3;  // of a radius, of a marker that is not whole by its pixels
-constexpr double kMostAlike = 0.28;     // of what is around; a stick takes a sixth
-constexpr double kTooAlike = 0.5;       // for its outline to be seen
+constexpr double kNotWholeSigma = 0.3;  // radii, added for a marker that is not whole by its pixels
+constexpr double kMostAlike = 0.28;     // MarkerCentre::alike; a stick takes a sixth
+constexpr double kTooAlike = 0.5;       // the same, for its outline to be seen
 constexpr double kKnownPlace = 0.5;     // of a radius
-constexpr double kWorthALook = -2.2;    // log-odds, of a wand whose outlines are fitted
-constexpr size_t kMaxOutlined = 6;      // candidates
+constexpr double kWorthALook = -2.2;    // log-odds of a wand whose outlines are fitted
+constexpr size_t kMaxOutlined = 6;      // candidates whose outlines are fitted
 
-// Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
+// Blur makes the spread of a small disc larger: its variance adds to radius^2 / 4.
 bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
   return !blob.touches_border && !centre.cut && centre.alike < kMostAlike &&
          centre.skewness < 0.02 + 4 * centre.skewness_sigma &&
@@ -53,7 +54,7 @@ const char* WandVerifier::EvaluateOne(const ImageView& image, absl::Span<const B
     if (centre.alike >= kTooAlike || alike_count > 1) {
       return "what is around a blob looks like the blob";
     }
-    // With something else near its outline decides.
+    // If something else is near, the outline decides.
     wand->whole.push_back(!centre.has_neighbour && IsWhole(blob, centre));
   }
   if (!FitPose(finder, wand)) return "no pose of the wand explains the places and radii";
@@ -63,7 +64,7 @@ const char* WandVerifier::EvaluateOne(const ImageView& image, absl::Span<const B
   if (wand->OccludedCount() > 0 && !without_.Has(WandMechanism::kRestoredOutlines)) {
     RestoreByOutlines(image, blobs, &markers_, wand);
   }
-  // Labels need all three: two spheres do not say which ones they are.
+  // Labels need all three spheres: two do not say which ones they are.
   if (wand->OccludedCount() > 0) return "a blob is not the image of a whole sphere";
   if (!FitPose(finder, wand)) return "no pose of the wand explains the outlines";
   MeasureLikeness(wand);
@@ -71,7 +72,7 @@ const char* WandVerifier::EvaluateOne(const ImageView& image, absl::Span<const B
   return nullptr;
 }
 
-// False: no wand is seen like this.
+// Returns false if no pose of a wand explains what is seen.
 bool WandVerifier::FitPose(const WandFinder& finder, VerifiedWand* wand) {
   absl::InlinedVector<MarkerSight, 4> sights;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
@@ -106,7 +107,7 @@ bool WandVerifier::FitPose(const WandFinder& finder, VerifiedWand* wand) {
   return true;
 }
 
-// Other pieces of the image of a wand that was measured already.
+// Tells whether a candidate consists of other pieces of a wand that was already measured.
 bool WandVerifier::IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const {
   return std::ranges::any_of(evaluated_, [&](const VerifiedWand& wand) {
     if (ConfidenceOf(wand.log_odds) < min_confidence_) return false;

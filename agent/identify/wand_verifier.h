@@ -12,49 +12,49 @@
 
 namespace rigcal::agent {
 
-// A candidate that was looked at, for an explanation.
+// A candidate that was examined, for an explanation.
 struct WandTrial {
   VerifiedWand wand;         // as far as it was measured
-  std::string_view refusal;  // why it was not scored; empty: it was
+  std::string_view refusal;  // why it was not scored; empty if it was
   bool is_lit = false;
 };
 
-// Chooses among candidates by the brightness of their pixels: sub-pixel centres and radii against
-// the pose, outlines against those of spheres, and how alike the markers are in brightness and
-// colour (ChooseWand). One thread at a time.
+// Chooses among candidates by what is measured of them: sub-pixel centres and radii against the
+// pose, outlines against those of spheres, and how alike the markers are in brightness and colour
+// (ChooseWand). One thread at a time.
 class WandVerifier {
  public:
-  // Log-odds that one unit of a candidate's cost takes, before it is measured; a candidate whose
-  // cost is that much higher than another's need not be.
+  // Log-odds that one unit of a candidate's cost takes before it is measured; and by how much more
+  // cost than another's a candidate need not be measured.
   static constexpr double kCostLogOdds = 0.4, kClearlyWorse = 8;
 
   explicit WandVerifier(double min_confidence, const WandMechanisms& without = {})
       : min_confidence_(min_confidence), without_(without) {}
 
-  // Every candidate that Verify looks at is added to `trials` from now on; null: none.
+  // Adds every candidate that Verify examines to `trials` from now on; null: none.
   void Record(std::vector<WandTrial>* trials) { trials_ = trials; }
 
-  // Before the first Verify of an image. What was measured of it is not measured again.
+  // Call before the first Verify of an image; later ones use what was measured of it.
   void StartImage() { markers_.StartImage(); }
 
-  // Candidates by their costs; what is clearly worse than a wand that was found is not measured.
-  // `in_room`: of a lit room, in which much is as large as a small sphere. `pixels`: that may be
-  // read (MarkerMeter::WorkOf), less those that were; what would take more is left out. The wand's
-  // centres are those of a first look, for FitOutlines.
+  // The candidates are sorted by cost; those clearly worse than a wand that was found are not
+  // measured. `in_room`: the room is lit, and much in it is as large as a small sphere. `pixels`
+  // are those that may be read (MarkerMeter::WorkOf), and are reduced by those that were; what
+  // would take more is left out. The wand's centres are those of a first look, for FitOutlines.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
                  absl::Span<const WandCandidate> candidates, bool in_room, double* pixels);
-  // Centres of the outlines of the last Verify's wand where those can be fitted. False: they show
-  // that fewer than two of its markers are whole, so it is no wand.
+  // Sets the centres of the last Verify's wand from outlines, where these can be fitted. Returns
+  // false if they show that fewer than two of its markers are whole, so that it is no wand.
   [[nodiscard]] bool FitOutlines(const ImageView& image, VerifiedWand* wand);
 
  private:
-  // Measures a candidate but for its outlines. Null, or why it is no wand.
+  // Measures a candidate except for its outlines. Returns null, or why it is no wand.
   const char* EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                           const WandFinder& finder, const WandCandidate& candidate,
                           VerifiedWand* wand);
   bool IsKnown(const WandCandidate& candidate, absl::Span<const Blob> blobs) const;
   static bool FitPose(const WandFinder& finder, VerifiedWand* wand);
-  // Log-odds and confidence with what the outlines say.
+  // Computes log-odds and confidence, with what the outlines say.
   void Score(const ImageView& image, VerifiedWand* wand);
 
   double min_confidence_;

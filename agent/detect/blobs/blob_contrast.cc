@@ -12,11 +12,11 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kDirections = 16;
-constexpr int kEnough = 11;          // of them; a neighbour or a lamp may hide some
-constexpr double kBeyondPx = 2.5;    // the blob's edge
-constexpr double kCoreShare = 0.45;  // of the way to the edge
+constexpr int kEnough = 11;          // of them must differ; a neighbour or a lamp may hide some
+constexpr double kBeyondPx = 2.5;    // from the ellipse to where the surroundings are read
+constexpr double kCoreShare = 0.45;  // the middle is read at this share of the semi-axes
 
-// Unit vectors; every fourth is along an axis.
+// Unit vectors in the frame of the blob's axes; every fourth one lies along an axis.
 struct Directions {
   std::array<Eigen::Vector2d, kDirections> unit;
   Directions() {
@@ -27,7 +27,7 @@ struct Directions {
   }
 };
 
-// The mean of the 2 x 2 pixels around a place: single ones have too much noise for dim things.
+// Reads the mean of 2 x 2 pixels, as single ones are too noisy; false outside of the image.
 bool Read(const ImageView& image, const Eigen::Vector2d& at, Eigen::Vector3f* grey) {
   if (image.width < 2 || image.height < 2) return false;
   if (!(at.x() > -0.5 && at.y() > -0.5)) return false;
@@ -70,7 +70,7 @@ std::optional<BlobContrast> StandsOut(const ImageView& image, const Blob& blob,
   int different = 0, inside = 0;
   for (int i = 0; i < kDirections; ++i) {
     if (!Read(image, at(i, 1, kBeyondPx), &grey)) {
-      ++different;  // what is outside says nothing against it
+      ++different;  // nothing is known outside of the image, so it does not count against the blob
       continue;
     }
     around += grey;

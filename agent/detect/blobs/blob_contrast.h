@@ -8,17 +8,17 @@
 
 namespace rigcal::agent {
 
-// Of a marker against what is around it, over all channels.
+// Least contrast of a marker against its surroundings: grey levels, norm over all channels.
 inline constexpr double kMinContrastGrey = 50;
 
 struct BlobContrast {
-  Eigen::Vector3f core, around;  // means of its middle and of what is right beside it, by channel
-  float alike = 0;               // the share of the sides on which it does not differ
+  Eigen::Vector3f core, around;  // mean grey levels by channel: middle, and right outside
+  float alike = 0;  // share of the 16 directions, 0 to 1, in which the blob does not stand out
 };
 
-// Of a blob that differs clearly from its surroundings on most sides, as a lamp does and the
-// brighter parts of a warm wall do not; else none. Reads some twenty places of 2 x 2 pixels, a
-// cheap test for hundreds of blobs.
+// Returns the contrast of a blob that differs by `min_contrast_grey` from its surroundings in most
+// directions, as a lamp does and the brighter parts of a warm wall do not; else nothing. It reads
+// some twenty places of 2 x 2 pixels, which is cheap enough for hundreds of blobs.
 std::optional<BlobContrast> StandsOut(const ImageView& image, const Blob& blob,
                                       double min_contrast_grey = kMinContrastGrey);
 

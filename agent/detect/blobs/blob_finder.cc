@@ -16,7 +16,7 @@ PixelRect Clip(const PixelRect& rect, const ImageView& image) {
           static_cast<int>(std::max<int64_t>(0, bottom - y))};
 }
 
-// sum_ab / n - (sum_a / n) (sum_b / n), without losing digits far from the image's origin.
+// Returns sum_ab / n - (sum_a / n) (sum_b / n); loses no digits far from the image's origin.
 double CentralMoment(int64_t n, int64_t sum_ab, int64_t sum_a, int64_t sum_b) {
   const __int128 scaled = static_cast<__int128>(n) * sum_ab - static_cast<__int128>(sum_a) * sum_b;
   const auto count = static_cast<double>(n);
@@ -98,7 +98,7 @@ const BlobResult& BlobFinder::Search(const ImageView& image, const PixelRect& wi
 bool BlobFinder::MaskRow(const ImageView& image, int y, int first_word, int word_count,
                          uint64_t* words, const BrightWords* bright) const {
   uint64_t all = 0;
-  // What was dark for those who noted it may be bright enough here.
+  // Words that were dark for a higher value_min may be bright enough here.
   if (bright == nullptr || bright->value_min() > options_.colour.value_min) {
     all = masker_.MaskRow(image, y, first_word, word_count, words);
   } else {

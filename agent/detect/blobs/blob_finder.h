@@ -14,81 +14,80 @@
 
 namespace rigcal::agent {
 
-// Connected pixels (8 neighbours) of one mask, each with weight 1.
+// Connected pixels (8 neighbours) of one mask; all of them have weight 1.
 struct Blob {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();          // mean of the pixels, img frame
   Eigen::Matrix2d second_moment_px2 = Eigen::Matrix2d::Zero();  // about that mean
   int area_px = 0;
   PixelRect box;
-  bool touches_border = false;  // of the image, not of the window
+  bool touches_border = false;  // of the image, not of the search window
 };
 
-// Of a component of an image's pixels.
+// Converts the sums over a component's pixels into a blob of `image`.
 Blob ToBlob(const ComponentSums& sums, const ImageView& image);
 
 struct BlobFinderOptions {
   ColourRange colour;
   int min_area_px = 6;
-  int max_area_px = 600000;  // markers are looked for in large blobs too
-  int max_blobs = 512;       // more are counted, not kept: the largest ones stay
-  // Runs of pixels in a row; an image of noise has a million. What is below is not looked at.
+  int max_area_px = 600000;  // large, because markers are looked for inside of large blobs too
+  int max_blobs = 512;       // the largest blobs are kept, the others are only counted
+  // The search ends where the runs of mask pixels exceed this; an image of noise has a million.
   int max_runs = 10000000;
 
-  // Every fault.
+  // Returns all faults in one message.
   absl::Status Validate() const;
 };
 
 struct BlobResult {
-  std::vector<Blob> blobs;  // from top to bottom, left to right by their first pixel
-  int over_limit = 0;       // in area range, but beyond max_blobs
-  int64_t passed_px = 0;    // pixels of the colour, of blobs of any size
-  int64_t run_count = 0;    // of pixels in a row
-  bool cut_short = false;   // by max_runs
-  int row_count = 0;        // looked at
+  std::vector<Blob> blobs;  // in the order of their first pixels: top to bottom, left to right
+  int over_limit = 0;       // blobs of a valid area that max_blobs left out
+  int64_t passed_px = 0;    // mask pixels, in blobs of any size
+  int64_t run_count = 0;    // runs of mask pixels
+  bool cut_short = false;   // by max_runs: the rows below were not read
+  int row_count = 0;        // rows that were read
 };
 
-// Finds the connected pixels of a colour in one pass over an image: pixels to mask bits, bits to
-// runs, runs to components and their moments. Buffers are kept from image to image. One thread
-// at a time.
+// Finds the blobs of a colour in one pass over an image: pixels become mask bits, bits become runs,
+// runs become components with moments. Buffers are kept; one thread at a time.
 class BlobFinder {
  public:
-  // Fails with INVALID_ARGUMENT if the options are not valid. `kernel` changes the speed,
-  // never the result.
+  // Fails with INVALID_ARGUMENT if the options are not valid. The choice of `kernel` changes the
+  // speed, never the result.
   static absl::StatusOr<BlobFinder> Create(BlobFinderOptions options,
                                            const MaskKernel& kernel = BestMaskKernel());
 
-  // Pixels that never belong to a blob from now on, such as lamps. Pixels outside of the mask are
-  // not ignored: a mask of another size than the images is the caller's fault to find.
+  // Sets pixels that never belong to a blob, such as lamps. Pixels outside of this mask are not
+  // ignored; the caller must check that it has the size of the images.
   void SetIgnored(PixelMask ignored) { ignored_ = std::move(ignored); }
-  // Pixels of this background do not either, while they look like it; null: none. It must outlive
-  // the finder, and know of each new image (StaticBackground::BeginImage).
+  // Also ignores the pixels of this background while they look like it; null: none. The background
+  // must outlive the finder and be told of each new image (StaticBackground::BeginImage).
   void SetBackground(StaticBackground* background) { background_ = background; }
 
-  // The blobs of an image, or of its part inside `window`; pixels outside are as if they were
-  // black. The result is valid until the next call. An image without pixels has no blobs. `bright`,
-  // if not null: of this image; of use where it was noted by a finder whose `value_min` is no
-  // higher.
+  // Returns the blobs of an image, or of its part inside `window`; pixels outside count as black.
+  // The result is valid until the next call. An image without pixels has no blobs. `bright` (may be
+  // null) lets the search skip dark words of this image. It is used if the finder that noted it has
+  // no higher `value_min` than this one.
   const BlobResult& Find(const ImageView& image, PixelRect window,
                          const BrightWords* bright = nullptr);
   const BlobResult& Find(const ImageView& image) { return Find(image, image.Bounds()); }
-  // The blobs of an image; notes which words are bright.
+  // Finds the blobs of an image and notes which of its words are bright.
   const BlobResult& Look(const ImageView& image, BrightWords* bright);
   const BlobResult& result() const { return result_; }  // of the last Find or Look
 
-  // The pixels of a row that may belong to a blob, as ColourMasker::MaskRow gives them; false:
-  // none. `bright` as for Find.
+  // Writes the mask of a row like ColourMasker::MaskRow, without ignored pixels. Returns false if
+  // no pixel has the colour. `bright` as for Find.
   bool MaskRow(const ImageView& image, int y, int first_word, int word_count, uint64_t* words,
                const BrightWords* bright = nullptr) const;
 
  private:
   BlobFinder(BlobFinderOptions options, ColourMasker masker) : options_(options), masker_(masker) {}
 
-  // Writes the words of a row of a mask; false: none.
+  // Writes the mask words of a row; returns false if none of its bits is set.
   using RowReader = absl::FunctionRef<bool(int y, int first_word, int word_count, uint64_t* words)>;
 
   const BlobResult& Search(const ImageView& image, const PixelRect& window, RowReader read);
   void LabelRows(const PixelRect& window, RowReader read);
-  // Without what is ignored.
+  // Clears the bits of pixels that are ignored or belong to the background.
   void Ignore(const ImageView& image, int y, int first_word, int word_count, uint64_t* words) const;
   void KeepBlobs(const ImageView& image, const std::vector<ComponentSums>& components);
 
@@ -96,9 +95,9 @@ class BlobFinder {
   ColourMasker masker_;
   PixelMask ignored_;
   StaticBackground* background_ = nullptr;
-  std::vector<uint64_t> words_;  // of one row
+  std::vector<uint64_t> words_;  // mask of one row
   RunLabeller labeller_;
-  std::vector<int> kept_;  // components in the range of areas
+  std::vector<int> kept_;  // indices of the components with a valid area
   BlobResult result_;
 };
 

@@ -10,9 +10,9 @@ namespace rigcal::agent {
 namespace {
 
 constexpr double kMostElongation = 0.6;  // of a sphere that moves during the exposure
-constexpr double kLeastFill = 0.9;       // area over that of the ellipse of the same moments
+constexpr double kLeastFill = 0.9;  // area over that of the ellipse with the same second moment
 
-// With a pixel's own extent: a blob of one row has no moment across it.
+// Adds a pixel's own extent, 1/12 px^2: a blob of one row has no moment across it.
 Eigen::Matrix2d SecondMoment(const Blob& blob) {
   return blob.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;
 }

@@ -5,10 +5,10 @@
 
 namespace rigcal::agent {
 
-// Longer axis of the blob over the shorter one, less 1.
+// Returns the ratio of the blob's longer axis to its shorter one, less 1: 0 for a disc.
 double Elongation(const Blob& blob);
 
-// The blob fills an ellipse that is hardly longer than a sphere's image.
+// Tells whether the blob fills an ellipse that is hardly longer than a moving sphere's image.
 bool IsRound(const Blob& blob);
 
 }  // namespace rigcal::agent

@@ -31,7 +31,7 @@ uint64_t ColourMasker::MaskRow(const ImageView& image, int y, int first_word, in
   uint64_t all = mask(pixels, image.stride_bytes, whole_words, words, bright);
   if (whole_words == word_count) return all;
 
-  // The last word is incomplete: nothing may be read behind it. Black is never taken.
+  // The last word is incomplete: its pixels are copied and padded with black, which is never taken.
   uint8_t padded[kMaskWordBits * 3] = {};
   const int columns = image.width % kMaskWordBits;
   std::memcpy(padded, pixels + static_cast<ptrdiff_t>(whole_words) * word_bytes,

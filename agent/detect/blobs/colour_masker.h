@@ -12,17 +12,17 @@
 
 namespace rigcal::agent {
 
-// The mask of the pixels of an image that a colour range takes. Thread-safe.
+// Masks the pixels of an image that lie in a colour range. Thread-safe.
 class ColourMasker {
  public:
-  // Fails with INVALID_ARGUMENT if the range is not valid. `kernel` changes the speed, never the
-  // result.
+  // Fails with INVALID_ARGUMENT if the range is not valid. The choice of `kernel` changes the
+  // speed, never the result.
   static absl::StatusOr<ColourMasker> Create(const ColourRange& range,
                                              const MaskKernel& kernel = BestMaskKernel());
 
-  // Bits of columns [64 * first_word, 64 * (first_word + word_count)) of row y, 0 past the last
-  // column. Returns all words or-ed together. Nothing before or after the row is read. `bright`, if
-  // not null, becomes 1 for words in which any channel of any pixel is as bright as `value_min`.
+  // Writes the mask bits of columns [64 * first_word, 64 * (first_word + word_count)) of row y, 0
+  // past the last column. Returns all words or-ed together. Reads nothing outside of the row. Sets
+  // `bright` (may be null) to 1 for words in which a channel of a pixel is `value_min` or more.
   uint64_t MaskRow(const ImageView& image, int y, int first_word, int word_count, uint64_t* words,
                    uint8_t* bright = nullptr) const;
 

@@ -14,18 +14,19 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int16_t kBeside = 3, kDiagonal = 4;  // thirds of a pixel, a chamfer distance
-constexpr int16_t kFar = 16000;  // further than in any box; a few of them are no overflow
-constexpr int16_t kLeastPeak = 5;
-constexpr int kCircleDirections = 16;
-constexpr int kMostInside = 6;  // of them; a stick through the disc takes two or three
+constexpr int16_t kBeside = 3, kDiagonal = 4;  // chamfer distance to neighbours, thirds of a pixel
+constexpr int16_t kFar = 16000;    // more than any distance in a box; twice it does not overflow
+constexpr int16_t kLeastPeak = 5;  // thirds of a pixel, from a disc's centre to its edge
+constexpr int kCircleDirections = 16;  // at which the circle around a disc is probed
+constexpr int kMostInside = 6;         // directions inside of the blob; a stick takes two or three
+// The circle around a disc has kCircleShare times its radius plus kCirclePx.
 constexpr double kCircleShare = 1.3, kCirclePx = 1;
-constexpr double kRimPx = 0.8;  // of the disc beyond the distance
-constexpr size_t kMaxDiscs = 48;
-// A hole that is filled: the end of a stick that points at the camera, in front of a sphere.
-constexpr int kHolePart = 8, kMostHolePx = 400;  // of the blob's area
+constexpr double kRimPx = 0.8;    // a disc's pixels lie within its radius plus this
+constexpr size_t kMaxDiscs = 48;  // per blob
+// Holes are filled: a stick that points at the camera leaves one in the image of its sphere.
+constexpr int kHolePart = 8, kMostHolePx = 400;  // limits: part of the blob's area, and px
 
-// Eight neighbouring pixels.
+// A vector of eight neighbouring values.
 constexpr int kEight = 8;
 typedef int16_t Eight __attribute__((vector_size(16)));
 
@@ -39,7 +40,7 @@ void StoreEight(Eight eight, int16_t* to) { std::memcpy(to, &eight, sizeof(eight
 
 Eight Lesser(Eight a, Eight b) { return a < b ? a : b; }
 
-// Each becomes the one that is kBy before it, or behind it; 0 where there is none.
+// Raised moves each value kBy places up, Lowered kBy places down; zeros move in.
 #if defined(__SSE2__)  // gcc 12 does not find these instructions
 template <int kBy>
 Eight Raised(Eight a) {
@@ -70,15 +71,15 @@ bool Any(Eight truths) {
 
 }  // namespace
 
-// Borgefors' two passes. In each the rows before and the pixels before in the row count; the latter
-// as the smallest of all, each with its distance, in steps of one, two and four pixels.
+// Borgefors' two-pass distance transform. Each pass uses the row before and the pixels before in
+// the same row; a vector passes the latter on in steps of one, two and four pixels.
 void DiscFinder::MeasureDistances() {
   const auto nearest = [](const int16_t* beside) {
     return Lesser(LoadEight(beside) + kBeside,
                   Lesser(LoadEight(beside - 1), LoadEight(beside + 1)) + kDiagonal);
   };
   constexpr int16_t kOne = kBeside, kTwo = 2 * kBeside, kFour = 4 * kBeside;
-  // What comes from the pixels before; where there is none in these eight, it is far.
+  // What a step adds to the values that moved; kFar where zeros moved in.
   const Eight ones = {kFar, kOne, kOne, kOne, kOne, kOne, kOne, kOne};
   const Eight twos = {kFar, kFar, kTwo, kTwo, kTwo, kTwo, kTwo, kTwo};
   const Eight fours = {kFar, kFar, kFar, kFar, kFour, kFour, kFour, kFour};
@@ -103,7 +104,7 @@ void DiscFinder::MeasureDistances() {
     int16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
     Eight last = {};
     for (int x = stride_ - 1 - kEight; x >= 1; x -= kEight) {
-      // What is 0 stays so: nothing is less.
+      // Pixels outside of the mask stay 0, because nothing is less.
       Eight d = Lesser(LoadEight(row + x), nearest(row + x + stride_));
       d = Lesser(d, Lowered<1>(d) + ones_back);
       d = Lesser(d, Lowered<2>(d) + twos_back);
@@ -115,7 +116,7 @@ void DiscFinder::MeasureDistances() {
   }
 }
 
-// The first of several equal ones.
+// Of equal neighbours the first one is the peak.
 bool DiscFinder::IsPeak(int x, int y) const {
   const int own = At(x, y);
   return own > At(x - 1, y - 1) && own > At(x, y - 1) && own > At(x + 1, y - 1) &&

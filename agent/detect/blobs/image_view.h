@@ -13,7 +13,7 @@ enum class PixelFormat : uint8_t {
 
 constexpr int BytesPerPixel(PixelFormat format) { return format == PixelFormat::kBgr8 ? 3 : 1; }
 
-// A part of an image along its axes: columns [x, x + width), rows [y, y + height).
+// A rectangle in an image: columns [x, x + width), rows [y, y + height).
 struct PixelRect {
   int x = 0;
   int y = 0;
@@ -24,7 +24,7 @@ struct PixelRect {
   bool empty() const { return width <= 0 || height <= 0; }
 };
 
-// An image owned by the caller. Row y begins at data + y * stride_bytes; no padding is read.
+// An image that the caller owns. Row y begins at data + y * stride_bytes; padding is not read.
 struct ImageView {
   const uint8_t* data = nullptr;
   int width = 0;   // pixels

@@ -13,7 +13,7 @@ namespace {
 constexpr int kLargest = 255;
 constexpr int kOne = 1 << 16;
 
-// A multiple of 2^-16 between the fractions p/q for which `below(p, q)` holds and all larger ones.
+// Returns a multiple of 2^-16 above the fractions p/q with `below(p, q)` and below all others.
 template <typename Below>
 int Separate(Below below) {
   double highest_below = 0;
@@ -31,7 +31,7 @@ int Separate(Below below) {
   return static_cast<int>(std::lround(0.5 * (highest_below + lowest_above) * kOne));
 }
 
-// The channels of the hues from 60 * sector to 60 * (sector + 1) degrees.
+// The order of the channels for hues from 60 * sector to 60 * (sector + 1) degrees.
 struct Sector {
   Channel largest, middle, smallest;
 };
@@ -39,10 +39,10 @@ constexpr Sector kSectors[6] = {{kRed, kGreen, kBlue}, {kGreen, kRed, kBlue},
                                 {kGreen, kBlue, kRed}, {kBlue, kGreen, kRed},
                                 {kBlue, kRed, kGreen}, {kRed, kBlue, kGreen}};
 
-// Hues above 60 * (sector + fraction / 2^16) degrees. In the sector's own channels that is
-// (middle - smallest) > f (largest - smallest) where the middle channel rises with the hue, and
-// (largest - middle) > f (largest - smallest) where it falls. A slope above one half would not fit:
-// then (largest - smallest) is subtracted from both sides.
+// Takes the hues above 60 * (sector + fraction / 2^16) degrees. In the sector's own channels these
+// are (middle - smallest) > f (largest - smallest) where the middle channel rises with the hue, and
+// (largest - middle) > f (largest - smallest) where it falls. A slope above one half does not fit
+// into 16 bits, so (largest - smallest) is subtracted from both sides then.
 HueHalfPlane Above(int sector, int fraction) {
   const auto [largest, middle, smallest] = kSectors[sector];
   const bool rises = sector % 2 == 0;
@@ -82,7 +82,7 @@ void SetHue(const ColourRange& range, IntegerColourRange* integers) {
   const double walk_deg = range.hue_max_deg - range.hue_min_deg;
   const double width_deg = walk_deg < 0 ? walk_deg + 360 : walk_deg;
   if (width_deg >= 360) {
-    integers->outside = true;  // of half planes that are empty
+    integers->outside = true;  // both half planes are empty, so every hue is outside
   } else if (width_deg < 180) {
     integers->from = AtLeast(range.hue_min_deg);
     integers->to = Reverse(MoreThan(range.hue_max_deg));

@@ -9,10 +9,10 @@
 
 namespace rigcal::agent {
 
-// Pixels of one row to mask bits, compiled for several instruction sets, all with the same result.
-// A word holds 64 pixels, the first one in its lowest bit; exactly 64 * word_count pixels are read.
-// The pixels `next_row` bytes further on are prefetched if they exist. (Without it a dark image
-// took AVX-512 1.7 times as long.)
+// Turns the pixels of a row into mask bits. It is compiled for several instruction sets, all with
+// the same result. A word holds 64 pixels, the first one in its lowest bit; exactly 64 * word_count
+// pixels are read. The pixels `next_row` bytes further on are prefetched if they exist. (Without it
+// a dark image took AVX-512 1.7 times as long.)
 struct MaskKernel {
   const char* name;
 
@@ -21,13 +21,12 @@ struct MaskKernel {
                   int word_count, uint64_t* words);
   uint64_t (*mono)(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
                    int word_count, uint64_t* words);
-  // The same as `bgr`; sets `bright` of a word to 1 if any channel of any pixel is above
-  // range.value_below.
+  // Like `bgr`; also sets `bright` of words with a channel above range.value_below to 1.
   uint64_t (*bgr_noting)(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
                          int word_count, uint64_t* words, uint8_t* bright);
 };
 
-// The fastest that this CPU can run; all that it can run, the portable one first.
+// The fastest kernel that this CPU can run; and all that it can run, the portable one first.
 const MaskKernel& BestMaskKernel();
 std::vector<const MaskKernel*> AvailableMaskKernels();
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-// A register of bytes that go through the same operations side by side: for the mask's kernel, one
-// channel of as many pixels. Compiled once per instruction set into a namespace of its own
+// Registers of bytes that go through the same operations side by side; the mask kernel keeps one
+// channel of several pixels in each. Compiled for each instruction set into a namespace of its own
 // (RIGCAL_KERNEL), so that no inline function of one set is ever linked in the place of another's.
 #ifndef RIGCAL_KERNEL
 #error "only the kernel's own source files include this, with RIGCAL_KERNEL defined"
@@ -45,7 +45,7 @@ typedef uint8_t Bytes __attribute__((vector_size(kWidth)));
 typedef uint8_t BytesAnywhere __attribute__((vector_size(kWidth), aligned(1), may_alias));
 typedef int16_t Words __attribute__((vector_size(kWidth)));
 
-// One per channel.
+// Several pixels, one register per channel.
 struct Planes {
   Bytes channel[3];
 };
@@ -55,7 +55,7 @@ RIGCAL_INLINE Bytes Load(const uint8_t* from) {
 }
 RIGCAL_INLINE Bytes Spread(uint8_t level) { return level - Bytes{}; }
 
-// Each instruction set has
+// Each instruction set defines
 //   Mask                        one truth value per byte, with & | ~
 //   ToMask(bytes)               of bytes that are 0 or 255
 //   AtMost, Equal               byte by byte
@@ -110,14 +110,14 @@ RIGCAL_INLINE uint64_t ToBits(Mask mask) { return mask; }
 RIGCAL_INLINE bool AnyAbove(Bytes a, Bytes below) {
   return _mm512_cmpgt_epu8_mask((Register)a, (Register)below) != 0;
 }
-// 16 bytes from each group of 16 pixels.
+// Loads 16 bytes from each group of 16 pixels (48 bytes).
 RIGCAL_INLINE Register LoadLanes(const uint8_t* from) {
   const Register one =
       _mm512_inserti32x4(_mm512_castsi128_si512(LoadLane(from)), LoadLane(from + 48), 1);
   return _mm512_inserti32x4(_mm512_inserti32x4(one, LoadLane(from + 96), 2), LoadLane(from + 144),
                             3);
 }
-// `b` at the places of each 16 bytes whose number modulo 3 is `remainder`.
+// Takes `b` at the places of each 16 bytes whose number modulo 3 is `remainder`, else `a`.
 template <uint8_t remainder>
 RIGCAL_INLINE Register BlendThird(Register a, Register b) {
   constexpr uint64_t kLane = 0x9249 << remainder & 0xffff;
@@ -154,8 +154,8 @@ RIGCAL_INLINE Bytes Order(Register a, __m128i order) {
 }
 #endif
 
-// In 48 bytes (16 pixels) the bytes of one channel lie at places that differ in each of the three
-// vectors, so that blending brings them together and one shuffle sorts them.
+// In 48 bytes (16 pixels) the bytes of one channel lie at different places of the three vectors, so
+// blending brings them together and one shuffle sorts them.
 RIGCAL_INLINE Planes Deinterleave(const uint8_t* pixels) {
   const Register a = LoadLanes(pixels), b = LoadLanes(pixels + 16), c = LoadLanes(pixels + 32);
   Planes planes;
@@ -183,7 +183,7 @@ RIGCAL_INLINE uint64_t ToBits(Mask mask) {
   uint64_t halves[2];
   const Bytes ones = mask & 1;
   std::memcpy(halves, &ones, sizeof(ones));
-  constexpr uint64_t kGather = 0x0102040810204080;  // eight bytes of 0 or 1 to the highest byte
+  constexpr uint64_t kGather = 0x0102040810204080;  // gathers eight bytes of 0 or 1 in the highest
   return halves[0] * kGather >> 56 | halves[1] * kGather >> 56 << 8;
 #endif
 }
@@ -209,7 +209,7 @@ RIGCAL_INLINE Bytes PackLevels(Words low, Words high) {
 }
 RIGCAL_INLINE Bytes PackTruths(Words low, Words high) { return PackLevels(low, high); }
 RIGCAL_INLINE Words MultiplyHigh(Words a, uint16_t b) {
-#if defined(__SSE2__)  // which gcc does not find for a loop of eight
+#if defined(__SSE2__)  // gcc does not find it for a loop of eight
   return (Words)_mm_mulhi_epu16((__m128i)a, _mm_set1_epi16(static_cast<int16_t>(b)));
 #else
   Words high;
@@ -229,12 +229,12 @@ RIGCAL_INLINE Words MultiplyHighSigned(Words a, int16_t b) {
 #endif
 }
 
-// Byte i of the 48 moves to 2 i modulo 47 in each round; after four rounds it has moved to 16 i
-// modulo 47, which is where its plane wants it.
+// Each round moves byte i of the 48 to place 2 i modulo 47. After four rounds it is at 16 i modulo
+// 47, which is its place in the plane of its channel.
 RIGCAL_INLINE Planes Deinterleave(const uint8_t* pixels) {
   Bytes a = Load(pixels), b = Load(pixels + 16), c = Load(pixels + 32);
   for (int round = 0; round < 4; ++round) {
-    // The low half of one interleaved with the high half of the other.
+    // Interleaves the low half of one with the high half of the other.
     const Bytes first =
         __builtin_shufflevector(a, b, 0, 24, 1, 25, 2, 26, 3, 27, 4, 28, 5, 29, 6, 30, 7, 31);
     const Bytes second =

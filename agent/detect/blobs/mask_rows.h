@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-// The mask's kernel, for any instruction set of mask_lanes.h.
+// The mask kernel, for any instruction set of mask_lanes.h.
 #include <cstddef>
 #include <cstdint>
 
@@ -11,7 +11,7 @@
 
 namespace rigcal::agent::RIGCAL_KERNEL {
 
-constexpr int kBlock = 64;  // pixels of a word
+constexpr int kBlock = 64;  // pixels per word
 constexpr int kParts = kBlock / kWidth;
 constexpr int kCacheLine = 64;
 
@@ -29,12 +29,12 @@ RIGCAL_INLINE Mask InHalfPlane(const HueHalfPlane& plane, const Planes& planes) 
       InHalfPlane(High(plus), High(minus), High(slope_plus), High(slope_minus), plane.slope)));
 }
 
-// Most bright pixels have too little colour: hues are computed only where one has enough.
+// Most bright pixels have too little colour: hues are computed only if one pixel has enough.
 RIGCAL_INLINE uint64_t MaskBlock(const IntegerColourRange& range, const uint8_t* pixels) {
   const Mask takes_grey = ToMask(Spread(range.takes_grey ? 255 : 0));
   Planes planes[kParts];
-  uint64_t not_plain = 0;  // not taken without regard to the hue
-  uint64_t coloured = 0;   // bright enough and with enough colour
+  uint64_t not_plain = 0;  // dark, or taken only by its hue
+  uint64_t coloured = 0;   // bright enough and with enough colour, so that the hue decides
   for (int i = 0; i < kParts; ++i) {
     planes[i] = Deinterleave(pixels + 3 * i * kWidth);
     const auto [blue, green, red] = planes[i].channel;
@@ -60,7 +60,7 @@ RIGCAL_INLINE uint64_t MaskBlock(const IntegerColourRange& range, const uint8_t*
   return taken;
 }
 
-// The largest of the bytes of a block at each place of a register.
+// Returns, for each place of a register, the largest byte of a block at that place.
 template <int kChannels>
 RIGCAL_INLINE Bytes Largest(const uint8_t* pixels) {
   Bytes largest = Load(pixels);
@@ -70,7 +70,7 @@ RIGCAL_INLINE Bytes Largest(const uint8_t* pixels) {
   return largest;
 }
 
-// The lines that lie `ahead` bytes after `count` bytes, where no object need be.
+// Prefetches the lines that lie `ahead` bytes after [bytes, bytes + count); nothing need be there.
 RIGCAL_INLINE void Prefetch(const uint8_t* bytes, ptrdiff_t ahead, int count) {
   const uintptr_t first = reinterpret_cast<uintptr_t>(bytes) + static_cast<uintptr_t>(ahead);
   for (int i = 0; i < count; i += kCacheLine) {
@@ -78,7 +78,7 @@ RIGCAL_INLINE void Prefetch(const uint8_t* bytes, ptrdiff_t ahead, int count) {
   }
 }
 
-// A block's pixels are first tested together, channels mixed, whether any is bright enough.
+// First tests whether any pixel of a block is bright enough, all channels mixed.
 template <bool kNotes>
 RIGCAL_INLINE uint64_t MaskBgrRow(const IntegerColourRange& range, const uint8_t* pixels,
                                   ptrdiff_t next_row, int word_count, uint64_t* words,

@@ -11,12 +11,12 @@ namespace rigcal::agent {
 
 inline constexpr int kMaskWordBits = 64;
 
-// One bit per pixel of an image, packed row by row: bit x % 64 of word x / 64 of a row is column
-// x. Bits past the last column are 0.
+// One bit per pixel of an image, packed row by row: column x is bit x % 64 of word x / 64 of its
+// row. Bits past the last column are 0.
 class PixelMask {
  public:
   PixelMask() = default;
-  // All 0. Sizes below 0 count as 0.
+  // All bits start as 0. Sizes below 0 count as 0.
   PixelMask(int width, int height)
       : width_(std::max(0, width)),
         height_(std::max(0, height)),
@@ -29,11 +29,11 @@ class PixelMask {
   const uint64_t* Row(int y) const { return words_.data() + Offset(y); }
   uint64_t* MutableRow(int y) { return words_.data() + Offset(y); }
 
-  // False outside of the mask.
+  // Returns false outside of the mask.
   bool Get(int x, int y) const {
     return Has(x, y) && (Row(y)[x / kMaskWordBits] >> (x % kMaskWordBits) & 1) != 0;
   }
-  // Nothing happens outside of the mask.
+  // Does nothing outside of the mask.
   void Set(int x, int y, bool value = true) {
     if (!Has(x, y)) return;
     const uint64_t bit = uint64_t{1} << (x % kMaskWordBits);

@@ -25,7 +25,7 @@ inline __attribute__((always_inline)) void Add(const ComponentSums& other, Compo
   sums->max_y = std::max(sums->max_y, other.max_y);
 }
 
-// Columns [begin, end) of row y. With n columns: sum x = n (begin + end - 1) / 2, and
+// Sums over columns [begin, end) of row y. With n columns: sum x = n (begin + end - 1) / 2, and
 // sum x^2 = n begin (end - 1) + (n - 1) n (2 n - 1) / 6.
 inline __attribute__((always_inline)) ComponentSums SumsOf(uint64_t y, uint64_t begin,
                                                            uint64_t end) {
@@ -62,10 +62,10 @@ void RunLabeller::Start(int max_words) {
 int RunLabeller::FindRuns(int first_column, const uint64_t* words, int word_count) {
   int32_t* const edges = row_.edges.data();
   int32_t* next = edges;
-  uint64_t last = 0;  // the pixel before this word
+  uint64_t last = 0;  // the last pixel of the word before
   for (int i = 0; i < word_count; ++i) {
     const uint64_t word = words[i];
-    // A bit where a run begins or ends, by turns: the pixel differs from the one before.
+    // A bit is set where a pixel differs from the one before: runs begin and end there by turns.
     uint64_t changes = word ^ (word << 1 | last);
     last = word >> (kWordBits - 1);
     const int column = first_column + kWordBits * i;
@@ -94,7 +94,7 @@ int32_t RunLabeller::Join(int32_t a, int32_t b) {
 }
 
 void RunLabeller::Link(int y, int run_count) {
-  // Each run may be a component of its own.
+  // Each run may become a component of its own.
   const auto most = static_cast<size_t>(label_count_ + run_count);
   if (parent_.size() < most) {
     parent_.resize(2 * most);
@@ -136,7 +136,7 @@ void RunLabeller::AddRow(int y, int first_column, const uint64_t* words, int wor
 }
 
 const std::vector<ComponentSums>& RunLabeller::Finish() {
-  // A label's parent is smaller, so by the time a label is reached its own sums are complete.
+  // A label's parent is smaller, so a label's own sums are complete when the loop reaches it.
   const auto count = static_cast<size_t>(label_count_);
   for (size_t label = count; label-- > 0;) {
     const auto parent = static_cast<size_t>(parent_[label]);

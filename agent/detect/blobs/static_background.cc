@@ -13,12 +13,13 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kLooks = 12;      // that a pixel must be found alike
-constexpr int kMostLooks = 18;  // what passes in front of it does not make it unknown at once
+constexpr int kLooks = 12;      // looks that find a pixel alike make it background
+constexpr int kMostLooks = 18;  // limit: a change must last six looks before a pixel is learnt anew
 constexpr int kUnlike = 3;      // looks that one without likeness takes away
-// Grey levels by which a pixel without change differs: noise, and lamps that flicker.
+// A pixel has not changed if it differs by at most kTolerance grey levels plus 1 /
+// 2^kToleranceShift (6 %) of its level: noise, and lamps that flicker.
 constexpr int kTolerance = 12, kToleranceShift = 4;
-constexpr int64_t kMaxPixels = 60000;  // that are learnt from a frame
+constexpr int64_t kMaxPixels = 60000;  // pixels learnt per frame, up to the end of a row
 
 bool IsAlikeGrey(int grey, int known) {
   return std::abs(grey - known) <= kTolerance + (known >> kToleranceShift);
@@ -64,7 +65,7 @@ bool StaticBackground::IsAlike(const uint8_t* pixel, size_t index) const {
   return true;
 }
 
-// Of the static pixels of a word those that look as they did.
+// Returns the static pixels of a word that look as they were learnt.
 uint64_t StaticBackground::AlikeBits(const uint8_t* row, int y, int word) const {
   uint64_t alike = 0;
   for (uint64_t left = static_.Row(y)[word]; left != 0; left &= left - 1) {
@@ -101,7 +102,7 @@ void StaticBackground::LearnPixel(const uint8_t* pixel, int x, int y) {
   const bool was_static = times >= kLooks;
   if (IsAlike(pixel, index)) {
     times = static_cast<uint8_t>(std::min(kMostLooks, times + 1));
-    // It follows slow changes, and noise of the first look goes away.
+    // Follows slow changes, and removes the noise of the first look.
     for (int k = 0; k < bytes_; ++k) {
       known[k] = static_cast<uint8_t>(known[k] + (pixel[k] > known[k] ? 1 : 0) -
                                       (pixel[k] < known[k] ? 1 : 0));
@@ -143,7 +144,7 @@ void StaticBackground::Learn(const ImageView& image, int64_t time_ns,
   last_ns_ = time_ns;
   has_time_ = true;
   if (passed_ns <= 0) return;
-  // Each row once at most.
+  // No row is due more than once.
   rows_due_ = std::min<double>(height_, rows_due_ + static_cast<double>(passed_ns) /
                                                         static_cast<double>(step_ns_) * height_);
   int64_t pixels_left = kMaxPixels;

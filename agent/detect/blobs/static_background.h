@@ -13,32 +13,32 @@
 
 namespace rigcal::agent {
 
-// The pixels of a fixed camera that could be a marker by their colour but have not changed for some
-// seconds: lamps, windows, labels, wood. Each has the grey levels that it had; a pixel belongs to
-// the background only while it looks like that, so that a marker in front of a lamp is seen, and
-// what has gone is ignored no longer.
+// Learns which pixels of a fixed camera have the wand's colour but do not change for some seconds:
+// lamps, windows, labels, wood. It keeps their grey levels. A pixel belongs to the background only
+// while it looks like that, so a marker in front of a lamp is seen, and what has gone is no longer
+// ignored.
 //
-// Learnt a few rows per frame, so that each pixel is looked at every twelfth of `after_s`, whatever
-// the frame rate; of a frame at most a fixed number of pixels is looked at. The same frames give
-// the same background. One thread at a time.
+// It learns a few rows per frame and looks at each pixel every twelfth of `after_s`, whatever the
+// frame rate, but at no more than a fixed number of pixels per frame. The same frames give the same
+// background. One thread at a time.
 class StaticBackground {
  public:
-  // `colour`: the widest that the detector looks for. `after_s`: how long a pixel must stay as it
-  // is, above 0. INVALID_ARGUMENT: colour not valid, an image without pixels, or no time.
+  // `colour`: the widest that the detector looks for. `after_s`, above 0: how long a pixel must
+  // stay as it is. INVALID_ARGUMENT: an invalid colour, an image without pixels, or no time.
   static absl::StatusOr<StaticBackground> Create(const ColourRange& colour, int width, int height,
                                                  double after_s);
 
-  // Another image is looked at from now on, of the camera's size.
+  // Announces another image, which has the camera's size.
   void BeginImage() { ++image_; }
-  // Takes the pixels of the background out of a row of a mask, as BlobFinder::MaskRow gives them.
+  // Takes the pixels of the background out of a mask row as BlobFinder::MaskRow writes it.
   void Remove(const ImageView& image, int y, int first_word, int word_count, uint64_t* words);
 
-  // Learns from the image; frames in the order of their times. Pixels in `kept` stay as they are.
-  // After a step backwards in time or a new clock epoch what is known stays.
+  // Learns from an image; images come in the order of their times. Pixels in `kept` stay as they
+  // are. A step backwards in time or a new clock epoch changes nothing of what is known.
   void Learn(const ImageView& image, int64_t time_ns, absl::Span<const PixelRect> kept);
   void Forget(const PixelRect& part);
 
-  // The background's pixels in a part of the image, and those of them that look otherwise now.
+  // Counts the background's pixels in a part of the image, and those that look different now.
   struct Pixels {
     int64_t count = 0, changed = 0;
   };
@@ -60,20 +60,20 @@ class StaticBackground {
   ColourMasker masker_;
   int width_ = 0, height_ = 0;
   int64_t step_ns_;             // between two looks at a pixel
-  int bytes_ = 0;               // per pixel; 0: no image yet
-  std::vector<uint8_t> grey_;   // as the pixels are
-  std::vector<uint8_t> times_;  // that a pixel was found alike, less those that it was not
+  int bytes_ = 0;               // per pixel: 3 until a grey image comes
+  std::vector<uint8_t> grey_;   // as learnt, in the layout of the image
+  std::vector<uint8_t> times_;  // looks that found the pixel alike, less those that did not
   PixelMask known_;             // times_ above 0
-  PixelMask static_;
-  int64_t pixel_count_ = 0;  // of static_
+  PixelMask static_;            // times_ at least kLooks
+  int64_t pixel_count_ = 0;     // in static_
   int next_row_ = 0;
   int64_t last_ns_ = 0;
   bool has_time_ = false;
   double rows_due_ = 0;
   std::vector<uint64_t> words_;
-  // Of the image that is looked at: which pixels are background, by row; made when first asked for.
+  // The background's pixels in the current image; a row is computed when it is first asked for.
   PixelMask removed_;
-  std::vector<uint64_t> removed_in_;  // by row: image_ of removed_
+  std::vector<uint64_t> removed_in_;  // by row: the image_ for which removed_ holds
   uint64_t image_ = 1;
 };
 

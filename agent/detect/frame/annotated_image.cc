@@ -20,10 +20,10 @@ const cv::Scalar kMarkerColour(80, 255, 80);
 const cv::Scalar kBlobColour(0, 220, 255);
 const cv::Scalar kWindowColour(255, 160, 40);
 const cv::Scalar kOutlineColour(0, 0, 0);
-constexpr int kSubPixelBits = 4;
-constexpr std::array kQualities = {88, 72, 55, 40};
-constexpr int kLeastSide = 16;
-constexpr double kWorthSaying = 0.001;  // of the image
+constexpr int kSubPixelBits = 4;                     // positions are drawn in steps of 1/16 px
+constexpr std::array kQualities = {88, 72, 55, 40};  // in the order in which they are tried
+constexpr int kLeastSide = 16;                       // px, of the smallest version
+constexpr double kWorthSaying = 0.001;               // share of the image
 
 cv::Mat ColourCopy(const ImageView& image) {
   if (image.data == nullptr || image.width <= 0 || image.height <= 0) return {};
@@ -40,7 +40,7 @@ cv::Mat ColourCopy(const ImageView& image) {
   return copy;
 }
 
-// A value far outside would overflow OpenCV's fixed point.
+// Points far outside of the image would overflow OpenCV's fixed-point numbers.
 bool CanDraw(const cv::Mat& canvas, const Eigen::Vector2d& point_px) {
   return point_px.x() >= -canvas.cols && point_px.x() <= 2 * canvas.cols &&
          point_px.y() >= -canvas.rows && point_px.y() <= 2 * canvas.rows;
@@ -51,7 +51,7 @@ cv::Point SubPixel(const Eigen::Vector2d& point_px) {
           static_cast<int>(std::lround(point_px.y() * (1 << kSubPixelBits)))};
 }
 
-// Grows with the image, so that it can still be read in a smaller copy.
+// Grows with the image, so that text can still be read in a smaller copy.
 double Scale(const cv::Mat& canvas) { return std::clamp(canvas.cols / 1280.0, 0.4, 4.0); }
 
 void Write(cv::Mat& canvas, const std::string& text, const cv::Point& where, double size,
@@ -114,7 +114,7 @@ std::string Summary(const Detection& detection) {
   return text;
 }
 
-// What makes the wand hard to find; empty: nothing.
+// Describes what makes the wand hard to find; empty if nothing does.
 std::string Light(const Detection& detection) {
   std::string text = ColourShareText(detection.passed_share, detection.white_share);
   if (detection.background_share < kWorthSaying) return text;
@@ -123,7 +123,7 @@ std::string Light(const Detection& detection) {
   return text;
 }
 
-// The image with 1 / `divisor` of its columns and rows.
+// Returns the image with 1 / `divisor` of its columns and rows.
 cv::Mat Shrunk(const cv::Mat& image, int divisor) {
   if (divisor == 1) return image;
   cv::Mat small;

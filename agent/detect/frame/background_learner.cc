@@ -11,22 +11,22 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kRestFactor = 3;     // how much longer a wand rests than a spot
-constexpr double kLeastMovePx = 1.5;  // of a marker; less is noise, or a hand that holds still
-constexpr double kAroundPx = 4;       // around a marker
-constexpr double kPale = 0.55;        // of the saturation, as the detector's palest level
-constexpr size_t kMaxResting = 16;
-// Of a resting wand's pixels: so many are background when it is ignored, and look otherwise when it
-// has moved.
+constexpr double kRestFactor = 3;     // a wand must rest this many times as long as a spot
+constexpr double kLeastMovePx = 1.5;  // by a marker; less is noise, or a hand that holds still
+constexpr double kAroundPx = 4;       // margin of the box around a marker
+constexpr double kPale = 0.55;        // of saturation_min, as in the detector's palest level
+constexpr size_t kMaxResting = 16;    // wands; the oldest ones are forgotten
+// A resting wand is ignored if more than kIgnoredShare of each marker's area is background. It has
+// moved if more than kMovedShare of a marker's area, and kLeastMoved pixels, look different.
 constexpr double kIgnoredShare = 0.6, kMovedShare = 0.15, kLeastMoved = 6;
 
-// Of the marker in its box.
+// Returns the area of the marker in its box, px^2.
 double AreaIn(const PixelRect& box) {
   const double radius_px = std::max(1.0, 0.5 * (box.width - 1) - kAroundPx);
   return std::numbers::pi * radius_px * radius_px;
 }
 
-// None that both show: it is not the same.
+// Observations without a common marker count as moved.
 bool HasMoved(const Observation& from, const Observation& to) {
   bool common = false;
   for (size_t k = 0; k < std::min(from.markers.size(), to.markers.size()); ++k) {
@@ -74,7 +74,7 @@ BackgroundLearner::Boxes BackgroundLearner::BoxesOf(const Detection& detection) 
   return boxes;
 }
 
-// For so long that what is learnt from now on is background after rest_s.
+// True after a rest so long that what is learnt from now on is background after rest_s_.
 bool BackgroundLearner::Rests(const Observation& now) {
   if (!anchor_ || anchor_->clock_epoch != now.clock_epoch || anchor_->time_ns > now.time_ns ||
       HasMoved(*anchor_, now)) {
@@ -106,7 +106,7 @@ void BackgroundLearner::Learn(const ImageView& image, const Detection& detection
   if (detection.outcome == DetectionOutcome::kWand) {
     kept = BoxesOf(detection);
     if (Rests(detection.observation)) {
-      // Once for each rest.
+      // Each rest is noted once.
       const bool known = std::any_of(resting_.begin(), resting_.end(), [&](const Boxes& boxes) {
         return std::equal(boxes.begin(), boxes.end(), kept.begin(), kept.end(),
                           [](const PixelRect& a, const PixelRect& b) {

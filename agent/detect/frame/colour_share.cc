@@ -10,9 +10,9 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kEnoughGrey = 100;     // of a sphere, to be found
-constexpr double kClippedGrey = 250;    // more light than this says
-constexpr double kUsualShare = 0.25;    // of the exposure, where no wand says what is enough
+constexpr double kEnoughGrey = 100;     // grey levels that a sphere needs to be found
+constexpr double kClippedGrey = 250;    // from here on the true brightness may be higher
+constexpr double kUsualShare = 0.25;    // of the exposure, if no wand shows how much is enough
 constexpr double kWorthSetting = 0.75;  // of the exposure; a smaller change helps little
 constexpr double kMillisecond = 1e-3;
 
@@ -38,7 +38,7 @@ std::string ShorterExposureText(const ExposureFacts& facts) {
   if (!(facts.exposure_s > 0)) return "shorten the exposure" + blinks;
   const bool knows_grey = facts.marker_grey > 0;
   double wanted_s = facts.exposure_s * (knows_grey ? kEnoughGrey / facts.marker_grey : kUsualShare);
-  // Whole blinks, in which the LEDs are equally bright whatever their phase.
+  // With whole blinks the LEDs are equally bright whatever their phase.
   if (facts.blink_s > 0) {
     wanted_s = facts.blink_s * std::max(1.0, std::floor(wanted_s / facts.blink_s + 1e-6));
   }

@@ -12,18 +12,18 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kSectors = 8;  // of hue, each as wide as two steps
-// The least brightness. What a room of the wand's colour needs the detector tries by itself.
+constexpr int kSectors = 8;  // of the hues; a range takes two of them
+// Least brightness, grey levels. In rooms of the wand's colour the detector tries more by itself.
 constexpr int kValue = 60;
-constexpr double kGoodEnough = 0.9;  // confidence, of the range that found the last wand
-constexpr double kMuchWhite = 0.02;  // of the picture
-constexpr double kLooseSaturation = 0.2;
-constexpr int kCoreRadiusPx = 2;  // pixels around a marker's centre that are surely its own
-constexpr int kLeastWands = 3;
-constexpr double kOutside = 0.01;  // of the pixels, on each side of a range
-constexpr double kHueMarginDeg = 12;
-constexpr double kLargestHueRangeDeg = 100;
-// Of the dimmest and palest pixels in the middle of a marker: its edge is half as bright.
+constexpr double kGoodEnough = 0.9;  // confidence for which only the last wand's range is searched
+constexpr double kMuchWhite = 0.02;  // share of the picture
+constexpr double kLooseSaturation = 0.2;  // saturation_min of the ranges
+constexpr int kCoreRadiusPx = 2;      // pixels this near to a marker's centre are surely its own
+constexpr int kLeastWands = 3;        // frames with the wand
+constexpr double kOutside = 0.01;     // share of the pixels outside of a range, on each side
+constexpr double kHueMarginDeg = 12;  // added on each side
+constexpr double kLargestHueRangeDeg = 100;  // a larger range is no colour
+// Limits over the dimmest and palest pixels in a marker's middle, as its edge is half as bright.
 constexpr double kValueShare = 0.45, kSaturationShare = 0.6;
 
 struct Colour {
@@ -45,7 +45,7 @@ Colour ColourOf(double b, double g, double r) {
   return {std::fmod(60 * hue + 360, 360), high > 0 ? chroma / high : 0, high};
 }
 
-// Rotated so that the widest gap between hues lies at the ends; `turn` is the hue of index 0.
+// Rotates the histogram so that its widest gap lies at the ends; `turn` is the hue of index 0.
 std::array<int64_t, 360> Unrolled(const std::array<int64_t, 360>& hues, int* turn) {
   int best = -1, run = 0;
   *turn = 0;
@@ -91,7 +91,7 @@ absl::Status ColourTuner::Add(const ImageView& image) {
   grey_ = image.format == PixelFormat::kMono8;
   bool saturated = false, black = true, ambiguous = false;
   double white = 0;
-  const size_t count = grey_ ? 1 : detectors_.size();  // no hue to distinguish them
+  const size_t count = grey_ ? 1 : detectors_.size();  // grey images have no hue
   for (size_t i = 0, first = std::min(last_, count - 1); i < count; ++i) {
     const size_t sector = (first + i) % count;
     RIGCAL_ASSIGN_OR_RETURN(Detection detection, detectors_[sector].Detect(image, frames_, 0));
@@ -138,7 +138,7 @@ void ColourTuner::Count(const ImageView& image, const Observation& observation) 
   }
 }
 
-// What most of the frames without a wand have in common, and what helps against it.
+// Says what most of the frames without a wand have in common, and what helps against it.
 std::string ColourTuner::WhyNone() const {
   const int missed = frames_ - wands_;
   const auto most = [missed](int some) { return 2 * some > missed; };

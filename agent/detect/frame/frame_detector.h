@@ -21,18 +21,17 @@ class FrameDetector {
  public:
   virtual ~FrameDetector() = default;
 
-  // Pixels that never belong to the target from now on, of the images' size.
+  // Sets pixels, in a mask of the images' size, that never belong to the target.
   virtual void SetIgnored(const PixelMask& ignored) = 0;
-  // Nor those of this background, while they look like it; null: none. It outlives the detector.
+  // Also ignores this background while pixels look like it; null: none. It outlives the detector.
   virtual void SetBackground(StaticBackground* background) = 0;
 
-  // `time_ns`: the middle of the exposure on the camera's clock. INVALID_ARGUMENT: the image has no
-  // pixels or is not of the camera's size.
+  // `time_ns` is the middle of the exposure on the camera's clock. Fails with INVALID_ARGUMENT if
+  // the image has no pixels or is not of the camera's size.
   virtual absl::StatusOr<Detection> Detect(const ImageView& image, int64_t time_ns,
                                            uint32_t clock_epoch) = 0;
 
-  // The part of the image that the last Detect searched, and the blobs found in it; valid until the
-  // next call.
+  // The part of the image that the last Detect searched, and its blobs; until the next call.
   virtual PixelRect window() const = 0;
   virtual absl::Span<const Blob> blobs() const = 0;
 
@@ -47,7 +46,7 @@ class FrameDetector {
 // INVALID_ARGUMENT, with the camera's name: the image has no pixels or is not of the camera's size.
 absl::Status CheckImage(const CameraDescription& camera, const ImageView& image);
 
-// A detector for a kind of target. A new one is a row of the table in frame_detectors.cc.
+// A detector for a kind of target. To add one, add a row to the table in frame_detectors.cc.
 struct FrameDetectorKind {
   const char* name;  // "wand"
   bool (*finds)(const Target& target);
@@ -57,8 +56,8 @@ struct FrameDetectorKind {
 };
 absl::Span<const FrameDetectorKind> FrameDetectorKinds();
 
-// Of the first kind that finds the target. FAILED_PRECONDITION: there is none; INVALID_ARGUMENT:
-// options, target or camera are not valid. Messages name the camera.
+// Makes a detector of the first kind that finds the target. FAILED_PRECONDITION: there is none;
+// INVALID_ARGUMENT: options, target or camera are not valid. Messages name the camera.
 absl::StatusOr<std::unique_ptr<FrameDetector>> MakeFrameDetector(const WandDetectorOptions& options,
                                                                  const Target& target,
                                                                  const CameraDescription& camera);

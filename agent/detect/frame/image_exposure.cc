@@ -9,8 +9,8 @@ namespace {
 
 constexpr double kUsualBlinkHz = 500;
 
-constexpr int kStep = 16;
-constexpr int kBlackGrey = 24;
+constexpr int kStep = 16;       // pixels between two samples
+constexpr int kBlackGrey = 24;  // largest grey level of a dark room or sensor, plus 1
 constexpr int kSaturatedGrey = 250;
 
 uint8_t SmallestChannel(const uint8_t* pixel, int bytes) {
@@ -36,7 +36,7 @@ ImageExposure LookAtExposure(const ImageView& image) {
     }
   }
   if (2 * saturated > looked_at) return ImageExposure::kSaturated;
-  // A hot pixel is no light.
+  // Up to a thousandth of the pixels may be hot pixels, which are no light.
   return 1000 * lit <= looked_at ? ImageExposure::kBlack : ImageExposure::kUsable;
 }
 

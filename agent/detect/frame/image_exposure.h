@@ -10,27 +10,26 @@ namespace rigcal::agent {
 
 enum class ImageExposure : uint8_t {
   kUsable = 1,
-  kBlack,      // nothing brighter than a dark sensor's noise
-  kSaturated,  // more than half of it at the brightest
+  kBlack,      // hardly any pixel is brighter than a dark sensor's noise
+  kSaturated,  // more than half of the pixels are saturated
 };
 
-// Looks at every eighth pixel of every eighth row.
+// Looks at every 16th pixel of every 16th row.
 ImageExposure LookAtExposure(const ImageView& image);
 
-// Of the same pixels, 0 to 1: those of which every channel has at least `least_grey`.
+// Share of the same pixels, 0 to 1, of which every channel has at least `least_grey`.
 double WhiteShare(const ImageView& image, int least_grey);
 
-// Share of the pixels that are brighter than a dark room, 0 to 1.
+// Share of the same pixels, 0 to 1, that are brighter than a dark room.
 double LitShare(const ImageView& image);
 
-// One sigma, seconds, of the mean time of the light of a blinking marker (50 % duty) about the
-// middle of an exposure, over all phases of its blinking, each as often as it has light: of a short
-// exposure with little light nothing is found. 0 where the exposure or the frequency is
-// not known.
+// One sigma, in seconds, of the mean time of a blinking marker's light (50 % duty) about the middle
+// of the exposure. It covers all phases of the blinking, weighted by their light, because markers
+// with little light are not found. 0 if the exposure or the frequency is not known.
 double LightTimeSigma(double exposure_s, const Target& target);
 
-// The same of an exposure that is shorter than a blink; 0 of any other. A target that does not say
-// how fast it blinks is taken to blink with 500 Hz.
+// The same for an exposure that is shorter than a blink, else 0. A target without a known frequency
+// is assumed to blink with 500 Hz.
 double ShortLightTimeSigma(double exposure_s, const Target& target);
 
 }  // namespace rigcal::agent

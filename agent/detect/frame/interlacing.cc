@@ -7,10 +7,10 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kLeastAreaPx = 40, kMostAreaPx = 10000;
-constexpr size_t kMostBlobs = 4;
-// Squares of second differences over those of the rows above and below: 1 for a sharp disc, less
-// with blur, 2 with teeth of half a pixel.
+constexpr int kLeastAreaPx = 40, kMostAreaPx = 10000;  // of a sphere's image
+constexpr size_t kMostBlobs = 4;                       // blobs that are examined
+// Squared second differences between rows over squared differences of the rows above and below: 1
+// for a sharp disc, less with blur, 2 with teeth of half a pixel.
 constexpr int64_t kTeeth = 2;
 
 bool HasTeeth(const ImageView& image, const PixelRect& box) {

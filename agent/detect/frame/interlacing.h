@@ -7,9 +7,9 @@
 
 namespace rigcal::agent {
 
-// Whether a blob shows two fields of an interlaced frame: what has moved between them has teeth,
-// rows that differ from both neighbours, which are alike. Looks at the largest of the blobs that
-// are as large as spheres.
+// Tells whether a blob shows the two fields of an interlaced frame. What has moved between them has
+// teeth: rows that differ from both neighbours while these are alike. It examines the four largest
+// blobs that are as large as spheres.
 bool LooksInterlaced(const ImageView& image, absl::Span<const Blob> blobs);
 
 }  // namespace rigcal::agent

@@ -11,24 +11,24 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr size_t kMostSpots = 12;      // more are a room's
+constexpr size_t kMostSpots = 12;      // with more it is a room, not a wand
 constexpr double kLeastRadiusPx = 3;   // smaller things all look alike
-constexpr double kMostUnlikeness = 3;  // see Unlikeness
-constexpr double kLikeSize = 0.12;     // of a radius: their distances differ by no more
-constexpr double kOffLine = 0.25;      // of a radius
-constexpr double kLeastApart = 2.5;    // radii
-// By tilt the middle one moves by a quarter of what the distances differ.
+constexpr double kMostUnlikeness = 3;  // chi-squared, see Unlikeness
+constexpr double kLikeSize = 0.12;     // largest relative difference of the radii and distances
+constexpr double kOffLine = 0.25;  // of a radius, largest distance of the middle one from the line
+constexpr double kLeastApart = 2.5;  // radii between the middle and the nearer end
+// The middle one is elsewhere if its share differs by this. A tilt changes the share by a quarter
+// of the distances' relative difference, 0.03 with kLikeSize.
 constexpr double kOtherShare = 0.045;
-constexpr double kSmaller = 0.75, kLarger = 1.6;  // spheres, than told; by a tilt of 50 degrees
+constexpr double kSmaller = 0.75, kLarger = 1.6;  // size ratios; a tilt of 50 degrees gives 1.56
 
 struct Disc {
   int spot;
   Eigen::Vector2d flat;  // on the plane z = 1, without distortion
-  double radius;         // there
+  double radius;         // on that plane
 };
 
-// Spheres of another diameter. A wand that is tilted looks shorter, so that its spheres look
-// larger.
+// Returns the size ratio of other spheres, else 0. Tilt makes a wand short, its spheres large.
 double SizeRatio(const WandFinder& finder, const Disc& first, const Disc& middle,
                  const Disc& last) {
   const double told = 0.5 * finder.fit_options().diameter_m / finder.length_m();

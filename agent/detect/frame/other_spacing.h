@@ -9,17 +9,16 @@ namespace rigcal::agent {
 
 // How the wand in the picture differs from the one that the target describes.
 struct OtherWand {
-  // Where the middle sphere is between the others, 0 to 0.5 of their distance; 0: as the target
-  // says.
+  // Distance of the middle sphere from the nearer end, over that of the ends; 0: as told.
   double middle_share = 0;
-  // How large the spheres look for their distance, over what the target's diameter says; 0: as that
-  // says, or the target has none.
+  // Size of the spheres' images for the wand's length, over what the target's diameter says; 0: as
+  // it says, or the target has none.
   double size_ratio = 0;
 };
 
-// Looks for another wand among spots in which the target was not found: three that are alike in
-// size, brightness and colour, and in line. Nothing differs where there are no such three, or more
-// than three. Of targets of three markers.
+// Looks for another wand among spots in which the target was not found: three in line that are
+// alike in size, brightness and colour. Reports no difference if there are no such three, or
+// several times three. Only for targets of three markers.
 OtherWand FindOtherWand(absl::Span<const Spot> spots, const WandFinder& finder);
 
 }  // namespace rigcal::agent

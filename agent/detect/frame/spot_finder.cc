@@ -13,28 +13,29 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
-// Ranges of colour, and what a marker needs there.
+constexpr int kNeverWashedOut = 256;  // a ColourRange::washed_out_min that takes no white
+// A level: how its range differs from the configured colour.
 struct LevelRange {
-  double brighter = 0;  // from value_min to the brightest
-  double paler = 1;     // of saturation_min
-  bool white = false;   // takes what the sensor has lost the colour of
+  double brighter = 0;  // share of the way from value_min to the brightest
+  double paler = 1;     // factor of saturation_min
+  bool white = false;   // takes pixels whose colour the sensor has lost
 };
 constexpr LevelRange kLevels[] = {
     {.white = true}, {.brighter = 0.35, .paler = 0.55}, {.paler = 0.55}};
-constexpr int kLargeAreaPx = 800;
-constexpr double kClearlyLess = 1;  // of a doubt
-constexpr int kPart = 4;            // a piece that much smaller is something in front of the other
+constexpr int kLargeAreaPx = 800;   // px; round blobs from here on are searched for discs too
+constexpr double kClearlyLess = 1;  // difference of two doubts
+constexpr int kPart = 4;  // a piece so many times smaller is something in front of the other
+// Pixels of nine in a spot's middle that must have the colour, in the wide and in the pale levels.
 constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
-constexpr int kClipped = 250;
+constexpr int kClipped = 250;  // grey levels
 
-constexpr int kMaxRuns = 12000;          // of each level, some 30 ns each
-constexpr int64_t kMaxSplitPx = 120000;  // of boxes of patches, 9 ns each
-constexpr size_t kMaxSpots = 160;        // pairs of them, 5 ns each
-// Of a marker's middle against the others, before it is measured.
-constexpr double kAlikeDoubt = 11;  // where all around looks like it
-constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
-// Small things are many: titles of books, slats, letters.
+constexpr int kMaxRuns = 12000;          // runs of pixels per level, some 30 ns each
+constexpr int64_t kMaxSplitPx = 120000;  // per image, in the boxes of patches; 9 ns each
+constexpr size_t kMaxSpots = 160;        // per level; each pair of them takes 5 ns
+// A spot's doubt, before it is measured.
+constexpr double kAlikeDoubt = 11;                          // if all around looks like it
+constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;  // of elongation; limit of its doubt
+// Small things are many, such as book titles, slats and letters; they get more doubt.
 constexpr double kFewBelowPx = 3.5, kSmallDoubt = 2;  // per pixel of the radius
 
 double HueWidthDeg(const ColourRange& colour) {
@@ -45,7 +46,7 @@ double MiddleHueDeg(const ColourRange& colour) {
   return std::fmod(colour.hue_min_deg + 0.5 * HueWidthDeg(colour), 360);
 }
 
-// The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
+// Returns the channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
 int MainChannel(const ColourRange& colour) {
   const double middle = MiddleHueDeg(colour);
   return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
@@ -55,13 +56,13 @@ double ShapeDoubt(const Blob& blob) {
   return std::min(kMostShapeDoubt, std::pow(Elongation(blob) / kLongerSigma, 2));
 }
 
-// Of two pieces of one thing: the one that looks more like a sphere, or the larger one.
+// Of two pieces of one thing, prefers the one that looks more like a sphere, or the larger one.
 bool IsBetter(const Spot& a, const Spot& b) {
   return std::abs(a.doubt - b.doubt) > kClearlyLess ? a.doubt < b.doubt
                                                     : a.blob.area_px > b.blob.area_px;
 }
 
-// A blob that a window inside the image may have cut.
+// Tells whether an edge of the window inside of the image may have cut a blob.
 bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect& bounds) {
   return (box.x <= window.x && window.x > bounds.x) || (box.y <= window.y && window.y > bounds.y) ||
          (box.x + box.width >= window.x + window.width &&
@@ -114,15 +115,15 @@ const BlobResult& SpotFinder::Look(const ImageView& image) {
   return levels_[0].blobs.Look(image, &bright_);
 }
 
-// A part of its middle. Where the sensor is saturated in the wand's main channel its colour is
-// lost.
+// Tells whether enough of the blob's middle has the colour. A pixel that is saturated in the wand's
+// main channel counts too, because its colour is lost.
 bool SpotFinder::HasColour(const ImageView& image, const Blob& blob) const {
   const double reach = 0.5 * std::sqrt(blob.area_px / std::numbers::pi);
   const int least = kLevels[level_].white ? kColouredOfNine : kPaleOfNine;
   int passed = 0, left = 9;
   for (int v = -1; v <= 1; ++v) {
     for (int u = -1; u <= 1; ++u) {
-      // The rest changes nothing.
+      // The other pixels cannot change the result.
       if (passed >= least || passed + left < least) return passed >= least;
       --left;
       const auto x = static_cast<int>(std::lround(blob.centre_px.x() + reach * u));
@@ -132,7 +133,7 @@ bool SpotFinder::HasColour(const ImageView& image, const Blob& blob) const {
       levels_[level_].masker.MaskRow(image, y, x / kMaskWordBits, 1, &word);
       const uint8_t* const pixel = image.Row(y) + x * BytesPerPixel(image.format);
       const bool colour = image.format == PixelFormat::kBgr8;
-      // A room's white is nothing that the light of a wand has whitened.
+      // What is white in a pale level is the room's, not a wand that light has whitened.
       const bool white =
           colour && !kLevels[level_].white && std::min({pixel[0], pixel[1], pixel[2]}) >= kClipped;
       const bool clipped = !white && pixel[colour ? main_channel_ : 0] >= kClipped;
@@ -144,14 +145,14 @@ bool SpotFinder::HasColour(const ImageView& image, const Blob& blob) const {
 
 void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
   Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
-  // A piece of a patch is held to the wand's colour too.
+  // A piece of a patch must have the wand's colour too.
   const auto contrast = StandsOut(image, blob);
   if (!contrast || !HasColour(image, blob)) return;
   spot.core = contrast->core;
   const double radius_px = std::sqrt(blob.area_px / std::numbers::pi);
   spot.doubt = kAlikeDoubt * static_cast<double>(contrast->alike) + ShapeDoubt(blob) +
                kSmallDoubt * std::max(0.0, kFewBelowPx - radius_px);
-  // The box of one blob may hold a part of another's pieces.
+  // The box of one blob may hold pieces of another one that are known already.
   for (Spot& known : spots_) {
     const int larger = std::max(known.blob.area_px, blob.area_px);
     const int smaller = std::min(known.blob.area_px, blob.area_px);
@@ -173,12 +174,12 @@ void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t leve
   const BrightWords* const bright = looked_ ? &bright_ : nullptr;
   const BlobResult& found = is_known ? finder.result() : finder.Find(image, part, bright);
   const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
-  // Those that a marker may be a part of, the smallest first.
+  // Blobs that a marker may be a part of, the smallest first.
   std::vector<const Blob*> patches;
   for (const Blob& blob : found.blobs) {
     const bool round = IsRound(blob);
     if (round) Keep(image, blob, is_cut(blob));
-    // Of a large round one too: a sphere in front of a warm lampshade.
+    // A large round blob too: a sphere may be in front of a warm lampshade.
     if (!round || blob.area_px >= kLargeAreaPx) patches.push_back(&blob);
   }
   const auto box_px = [](const Blob& blob) { return int64_t{blob.box.width} * blob.box.height; };

@@ -16,49 +16,48 @@
 
 namespace rigcal::agent {
 
-// A blob of the wand's colour, or a piece of one, that differs from what is around it: it may be a
-// marker.
+// A blob of the wand's colour, or a piece of one, that differs from its surroundings.
 struct Spot {
   Blob blob;
-  Eigen::Vector3f core;  // mean of its middle, by channel
-  bool is_cut;           // the window may have cut it
-  double doubt = 0;      // that it is a sphere, as a chi-squared
+  Eigen::Vector3f core;  // mean grey levels of its middle, by channel
+  bool is_cut;           // the window's edge may have cut it
+  double doubt = 0;      // chi-squared against its being a sphere
 };
 
-// Finds the spots of an image: round blobs, discs within larger patches and their pieces. In
-// several levels, ranges of the colour from wide to narrow and pale, which the caller chooses from:
-// light of a room or of a window whitens the spheres, and what is white hides them. What an image
-// may cost is bounded; the largest patches are left out first. Movable; one thread at a time.
+// Finds the spots of an image: round blobs, and discs in larger patches and in pieces of them. The
+// caller chooses one of several levels, ranges of the colour from wide to pale: the light of a room
+// or a window whitens the spheres, and white things hide them. The cost of an image is bounded; the
+// largest patches are left out first. Movable; one thread at a time.
 class SpotFinder {
  public:
-  // As configured, which takes white; and paler ones, which do not.
+  // The colour as configured, which takes white; and paler ones, which do not.
   static constexpr size_t kWideLevel = 0, kPaleLevels[] = {1, 2};
 
-  // INVALID_ARGUMENT: options not valid.
+  // Fails with INVALID_ARGUMENT if the options are not valid.
   static absl::StatusOr<SpotFinder> Create(const BlobFinderOptions& options);
 
-  // Pixels that never belong to a marker from now on, of the images' size.
+  // Sets pixels, in a mask of the images' size, that never belong to a marker.
   void SetIgnored(const PixelMask& ignored);
-  // Nor those of this background, while they look like it (BlobFinder::SetBackground).
+  // Also ignores this background while pixels look like it (BlobFinder::SetBackground).
   void SetBackground(StaticBackground* background);
 
-  // Before the first search of an image: its whole budget is left.
+  // Starts an image with its whole budget.
   void BeginImage();
-  // Blobs of the widest level in the whole image.
+  // Finds the blobs of the widest level in the whole image.
   const BlobResult& Look(const ImageView& image);
-  // Spots of a level, in a part of the image.
+  // Finds the spots of a level in a part of the image.
   void Find(const ImageView& image, const PixelRect& part, size_t level);
 
-  // Of the last Find. Of too many spots those of least doubt: not `has_all`.
+  // The spots of the last Find; if they were too many, those of least doubt, and not `has_all`.
   const std::vector<Spot>& spots() const { return spots_; }
   bool has_all() const { return std::isinf(least_doubt_left_); }
-  // Of the spots that were left out.
+  // The least doubt of the spots that were left out.
   double least_doubt_left() const { return least_doubt_left_; }
   size_t level() const { return level_; }
-  // Blobs of the last Find, or Look.
+  // The blobs of the last Find or Look.
   const BlobResult& result() const { return levels_[level_].blobs.result(); }
 
-  // Of the image: patches left out for their cost.
+  // Patches of the image that were left out for their cost.
   int dismissed() const { return dismissed_; }
 
  private:
@@ -74,12 +73,12 @@ class SpotFinder {
   std::vector<Level> levels_;
   size_t level_ = 0;
   int min_area_px_;
-  int main_channel_;  // of the wand's colour, in an image's pixel
+  int main_channel_;  // the strongest one of the wand's colour in a pixel
   DiscFinder discs_;
-  std::vector<Spot> spots_;  // of this level
+  std::vector<Spot> spots_;  // of the last Find
   double least_doubt_left_ = std::numeric_limits<double>::infinity();
-  bool looked_ = false;  // at this image
-  BrightWords bright_;   // of it, if so, in the widest level
+  bool looked_ = false;  // at the current image
+  BrightWords bright_;   // of it in the widest level, if looked_
   int64_t split_px_left_ = 0;
   int dismissed_ = 0;
 };

@@ -8,6 +8,7 @@
 namespace rigcal::agent {
 namespace {
 
+// One sigma among a wand's markers: of the logarithm of brightness, and of unit colour vectors.
 constexpr float kLogBrightnessSigma = 0.3f, kColourSigma = 0.15f;
 
 }  // namespace

@@ -7,8 +7,8 @@
 
 namespace rigcal::agent {
 
-// How unlike the middles of a candidate's markers are, in brightness and colour, as a chi-squared.
-// The candidate's blobs are those of `spots`.
+// Returns how unlike the middles of a candidate's markers are in brightness and colour, as a
+// chi-squared. The candidate's blobs are indices of `spots`.
 double Unlikeness(absl::Span<const Spot> spots, const WandCandidate& candidate);
 
 }  // namespace rigcal::agent

@@ -15,10 +15,10 @@
 namespace rigcal::agent {
 namespace {
 
-// Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
+// One sigma of errors besides noise: sampling, clipped coverage, the lens between known points.
 constexpr double kModelSigmaPx = 0.003;
 
-// A wand that is not followed yet moves as hands do, m/s, one sigma along each axis.
+// Speed of a wand that is not followed yet, as hands move: m/s, one sigma along each axis.
 constexpr double kHandSpeed = 0.6;
 
 }  // namespace
@@ -155,7 +155,7 @@ absl::StatusOr<WandExplanation> WandDetector::Explain(const ImageView& image) {
     if (a.refusal.empty() != b.refusal.empty()) return a.refusal.empty();
     return a.wand.log_odds > b.wand.log_odds;
   });
-  // The same spots are found at several levels of colour.
+  // The same spots may be found at several levels of colour.
   const auto repeated =
       std::ranges::unique(explanation.trials, [](const WandTrial& a, const WandTrial& b) {
         return a.refusal.empty() && b.refusal.empty() && a.wand.log_odds == b.wand.log_odds &&

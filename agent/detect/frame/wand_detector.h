@@ -19,13 +19,13 @@ struct WandDetectorOptions : BlobFinderOptions, WandLimits {
   WandDetectorOptions() { min_confidence = 0.6; }
 
   bool tracking = true;  // look where the wand is expected before searching the image
-  // Seconds; 0: not known. With the target's blink frequency and the image velocity of a followed
-  // wand, what the LED's phase leaves open is part of the covariance. Where the exposure is shorter
-  // than a blink and the wand is not followed yet, with the usual speed of a hand.
+  // Exposure in seconds; 0: not known. When in it a blinking LED was lit is not known. This adds to
+  // the covariance by the blink frequency and the image velocity of a followed wand; of one not
+  // followed yet only if the exposure is shorter than a blink, by a hand's usual speed.
   double exposure_s = 0;
-  WandMechanisms without;  // what is left out of the search, for experiments
+  WandMechanisms without;  // parts of the search that are left out, for experiments
 
-  // Every fault.
+  // Returns all faults in one message.
   absl::Status Validate() const;
 };
 
@@ -35,33 +35,33 @@ struct WandExplanation {
 };
 
 // Finds the wand in the images of one camera: blobs of its colour, sets of them that can be the
-// target's markers seen in perspective, sub-pixel centres of the best set. With intrinsics and the
+// target's markers in perspective, and sub-pixel centres of the best set. With intrinsics and the
 // spheres' diameter a centre is the projection of the sphere's centre (CentreKind::kSphereCentre),
 // else the centre of its image. Movable; one thread at a time.
 //
-// The time of a search is bounded: of an image with too many things of the wand's colour the search
-// leaves out large patches and the less likely candidates, always the same ones
-// (Detection::cut_short, dismissed_patches).
+// The time of a search is bounded: of too many things of the wand's colour it leaves out large
+// patches and the less likely candidates, always the same (Detection::cut_short,
+// dismissed_patches).
 class WandDetector : public FrameDetector {
  public:
-  // INVALID_ARGUMENT: options, target or camera not valid; names the camera.
+  // Fails with INVALID_ARGUMENT if options, target or camera are not valid; names the camera.
   static absl::StatusOr<WandDetector> Create(const WandDetectorOptions& options,
                                              const Target& target, const CameraDescription& camera);
 
-  // Pixels that never belong to a marker from now on (StaticMaskLearner), of the images' size.
+  // Sets pixels (StaticMaskLearner), in a mask of the images' size, that never belong to a marker.
   void SetIgnored(const PixelMask& ignored) override { search_.spot_finder().SetIgnored(ignored); }
-  // Nor those of this background, while they look like it; null: none. It outlives the detector.
+  // Also ignores this background while pixels look like it; null: none. It outlives the detector.
   void SetBackground(StaticBackground* background) override {
     search_.spot_finder().SetBackground(background);
   }
 
-  // Detect in the whole image, with every candidate that was looked at, the most likely first. The
-  // wand that was followed is forgotten.
+  // Searches the whole image like Detect, and returns every candidate that was examined, the most
+  // likely first. Forgets the wand that was followed.
   absl::StatusOr<WandExplanation> Explain(const ImageView& image);
 
-  // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
-  // for around where it is expected; what is found there is what a search of the whole image
-  // finds. INVALID_ARGUMENT: the image has no pixels or is not of the camera's size.
+  // `time_ns` is the middle of the exposure on the camera's clock. A followed wand is looked for
+  // around where it is expected; a search of the whole image would find the same there. Fails with
+  // INVALID_ARGUMENT if the image has no pixels or is not of the camera's size.
   absl::StatusOr<Detection> Detect(const ImageView& image, int64_t time_ns,
                                    uint32_t clock_epoch) override;
 

@@ -11,19 +11,19 @@
 namespace rigcal::agent {
 namespace {
 
-// What the search of an image may cost. A wand in a room takes a twentieth of it.
+// What the search of one image may cost. A wand in a room takes a twentieth of it.
 constexpr int kMostFits = 500;          // poses, 2.5 us each on a PC of 2020
 constexpr double kMostPixels = 28000;   // read to measure candidates, 0.11 us each
-constexpr int kFitsOfLevel = 300;       // at most, so that something is left for the next level
-constexpr double kPixelsOfLevel = 0.5;  // the same, of those that are left
-constexpr int kMaxCandidates = 200;     // that are compared by their colour
-constexpr size_t kMaxMeasured = 30;     // of them
+constexpr int kFitsOfLevel = 300;       // poses per level, so that some are left for the next one
+constexpr double kPixelsOfLevel = 0.5;  // share of the pixels left that a level may read
+constexpr int kMaxCandidates = 200;     // candidates that are compared by their colour
+constexpr size_t kMaxMeasured = 30;     // candidates that are measured
 // Shares of the pixels.
-constexpr double kWhiteRoom = 0.01;  // that are white: more than saturated spheres
-constexpr double kLitRoom = 0.02;    // that are brighter than a dark room's
-// Of costs.
-constexpr double kSureCost = 4;      // of a wand that nothing left out is as good as
-constexpr double kALittleWorse = 2;  // what is hardly less likely
+constexpr double kWhiteRoom = 0.01;  // share of white pixels; saturated spheres have less
+constexpr double kLitRoom = 0.02;    // share of pixels brighter than a dark room's
+// In units of WandCandidate::cost.
+constexpr double kSureCost = 4;      // cost of a wand below which nothing left out is as good
+constexpr double kALittleWorse = 2;  // a candidate with less excess cost is hardly less likely
 
 }  // namespace
 
@@ -51,8 +51,8 @@ bool WandSearch::IsLit(const ImageView& image) {
   return *is_lit_;
 }
 
-// Light of a room whitens the spheres, none of a dark room does. In front of white things only what
-// has a colour can be told from them.
+// The light of a room whitens the spheres; a dark room has none. In front of white things only what
+// has a colour can be told from them, so the wide level comes last.
 std::vector<size_t> WandSearch::LevelsFor(const ImageView& image) {
   const bool is_white = white_share_ > kWhiteRoom;
   std::vector<size_t> levels;
@@ -75,7 +75,7 @@ Verdict WandSearch::SearchAll(const ImageView& image) {
     Verdict verdict = Search(image, image.Bounds(), level);
     if (verdict.wand) return verdict;
     is_ambiguous |= verdict.ambiguous;
-    // A window's slats look alike, but have no colour.
+    // An ambiguity of the wide level may be a window's slats, which look alike but have no colour.
     if (is_ambiguous && level != SpotFinder::kWideLevel) break;
   }
   Verdict none;
@@ -104,7 +104,7 @@ void WandSearch::FindCandidates() {
 
 bool WandSearch::MayHaveRivals(const Verdict& verdict) const {
   const auto chosen = std::ranges::find(candidates_, verdict.wand->blobs, &WandCandidate::blobs);
-  // In the units of a candidate's cost.
+  // The wand's log-odds in the units of a candidate's cost.
   const double cost = (MostLogOdds(*is_lit_) - verdict.wand->log_odds) / WandVerifier::kCostLogOdds;
   const bool is_sure = cost < kSureCost && spot_finder_.least_doubt_left() > cost + kALittleWorse;
   if (wand_finder_.cut_short() && !is_sure &&

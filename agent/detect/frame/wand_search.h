@@ -9,30 +9,30 @@
 
 namespace rigcal::agent {
 
-// Searches single images for the wand: spots of its colour in levels of brightness and saturation,
-// sets of them that can be the target's markers, the best of them by what is measured.
+// Searches single images for the wand: spots of its colour at several levels, sets of them that can
+// be the target's markers, and the best of these sets by what is measured.
 //
-// What a search may cost is bounded by the pixels that it reads and the poses that it fits, not by
-// a clock, so that the result is the same on every computer. Movable; one thread at a time.
+// The pixels that a search reads and the poses that it fits are bounded by number, not by a clock,
+// so the result is the same on every computer. Movable; one thread at a time.
 class WandSearch {
  public:
-  // Options, target and camera must be valid. `washed_out_min`: see ColourRange.
+  // Limits, target and camera must be valid. `washed_out_min`: see ColourRange.
   WandSearch(const WandLimits& limits, int washed_out_min, const WandMechanisms& without,
              const Target& target, const CameraDescription& camera, SpotFinder spot_finder);
 
   SpotFinder& spot_finder() { return spot_finder_; }
   const WandFinder& wand_finder() const { return wand_finder_; }
-  // See WandVerifier.
+  // See WandVerifier::Record.
   void Record(std::vector<WandTrial>* trials) { verifier_.Record(trials); }
 
-  // Before the first search of an image.
+  // Call before the first search of an image.
   void StartImage();
-  // In the whole image.
+  // Searches the whole image.
   Verdict SearchAll(const ImageView& image);
-  // In a part of it, at the level of the last search: wands that the part's edges do not cut.
+  // Searches a part of it at the last search's level. Takes only whole wands inside of the part.
   std::optional<VerifiedWand> SearchPart(const ImageView& image, const PixelRect& part);
 
-  // Of this image.
+  // Results for the current image.
   bool cut_short() const { return cut_short_; }          // something was left out for its cost
   double passed_share() const { return passed_share_; }  // see Detection
   double white_share() const { return white_share_; }
@@ -43,11 +43,11 @@ class WandSearch {
 
  private:
   bool IsLit(const ImageView& image);
-  // In the order in which they are searched.
+  // Returns the levels in the order in which they are searched.
   std::vector<size_t> LevelsFor(const ImageView& image);
-  // Sets candidates_ to those that are measured, the likeliest first.
+  // Sets candidates_ to those that are to be measured, the likeliest first.
   void FindCandidates();
-  // What was left out may be as good.
+  // Tells whether what was left out may be as good as the wand.
   bool MayHaveRivals(const Verdict& verdict) const;
   Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
 
@@ -57,16 +57,16 @@ class WandSearch {
   WandVerifier verifier_;
   PixelRect window_;
   SpotFinder spot_finder_;
-  std::vector<Blob> standing_out_;      // the spots' blobs
-  std::vector<Eigen::Vector3f> cores_;  // their middles
-  std::vector<double> doubts_;          // and doubts
+  std::vector<Blob> standing_out_;      // blobs of the spots
+  std::vector<Eigen::Vector3f> cores_;  // middles of the spots
+  std::vector<double> doubts_;          // doubts of the spots
   std::vector<WandCandidate> candidates_;
-  // Of this image: poses that may still be fitted, and pixels that may still be read to measure.
+  // What is left for the current image: poses to fit, and pixels to read for measurements.
   int fits_left_ = 0;
   double pixels_left_ = 0;
   bool cut_short_ = false;
   double passed_share_ = 0, white_share_ = 0;
-  std::optional<bool> is_lit_;  // more than a dark room's spots; none: not looked at yet
+  std::optional<bool> is_lit_;  // not a dark room; none: not looked at yet
 };
 
 }  // namespace rigcal::agent

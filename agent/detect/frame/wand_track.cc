@@ -8,9 +8,9 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int64_t kLongestPauseNs = 250'000'000;
-constexpr double kMarginPx = 24;         // around the outermost sphere, with a known velocity
-constexpr double kFirstMarginPx = 96;    // without
-constexpr double kVelocityShare = 0.75;  // of the way since the last sighting: it may have turned
+constexpr double kMarginPx = 24;         // around the outermost sphere, if its velocity is known
+constexpr double kFirstMarginPx = 96;    // if it is not
+constexpr double kVelocityShare = 0.75;  // of the predicted way, as the wand may turn
 
 }  // namespace
 

@@ -10,20 +10,20 @@
 
 namespace rigcal::agent {
 
-// Predicts where a followed wand will be: constant velocity of its markers in the image, their size
-// as last seen. Forgets on a new clock epoch, a step backwards and a pause.
+// Predicts where a followed wand will be, from the velocity of its markers in the image and their
+// last size. Forgets it on a new clock epoch, a step backwards in time and a long pause.
 class WandTrack {
  public:
   using Points = absl::InlinedVector<Eigen::Vector2d, 3>;
 
   void Forget() { *this = WandTrack(); }
-  // The wand as it was seen, markers in the target's order; `radius_px` of the largest.
+  // Adds the wand as it was seen: markers in the target's order, and the largest one's radius.
   void Add(int64_t time_ns, uint32_t clock_epoch, const Points& centres_px, double radius_px);
 
-  // The window to search; none: all of the image.
+  // Returns the window to search; none: the whole image.
   std::optional<PixelRect> Window(int64_t time_ns, uint32_t clock_epoch,
                                   const PixelRect& bounds) const;
-  // Image velocity of marker `k` between its last two places, px/s; none: not followed long enough.
+  // Velocity of a marker between its last two places, px/s; none: not followed long enough.
   std::optional<Eigen::Vector2d> Velocity(size_t marker) const;
 
  private:

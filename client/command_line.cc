@@ -11,6 +11,7 @@ ExitCode RunCommandLine(const std::vector<std::string>& arguments, Console& cons
   CommandParser parser(console);
   AddLocalCommand(parser);
   AddBoardCommands(parser);
+  AddLensCommands(parser);
   AddSessionCommands(parser);
   AddCameraCommands(parser);
   AddWatchCommand(parser);

@@ -28,7 +28,9 @@ void AddBoardArgument(CLI::App* app, Board* board) {
   AddParsedOption(
       app, "BOARD", "", board, [](const std::string& text) { return ParseBoard(text); },
       "board:checker,9x6,0.03: 9 x 6 inner corners, squares of 0.03 m; "
-      "board:circles,4x11,0.02 or board:circles-symmetric,9x6,0.02")
+      "board:circles,4x11,0.02; board:circles-symmetric,9x6,0.02; "
+      "board:charuco,8x6,0.03,0.022,5x5_100: 8 x 6 squares, their side, side of a marker, "
+      "dictionary; board:aprilgrid,6x6,0.088,0.3: tags, their side, gap over side (kalibr)")
       ->required();
 }
 

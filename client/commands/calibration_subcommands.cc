@@ -160,12 +160,12 @@ void AddImport(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "import", "Read another program's calibration and write it in a format of ours",
       ConvertCalibration);
-  AddArgument(
-      app, "FILE",
-      "OpenCV or ROS (a file, or a folder of .yaml, .xml or .json files), kalibr, caliscope, "
-      "anipose or Pose2Sim, QTM (.qca.txt), Vicon (.xcp), COLMAP (a folder), nerfstudio, "
-      "OpenMVG, or an exported calibration.json",
-      &options->path);
+  AddArgument(app, "FILE",
+              "OpenCV or ROS (a file, or a folder of .yaml, .xml or .json files), kalibr, mrcal, "
+              "caliscope, "
+              "anipose or Pose2Sim, QTM (.qca.txt), Vicon (.xcp), COLMAP (a folder), nerfstudio, "
+              "OpenMVG, or an exported calibration.json",
+              &options->path);
   std::vector<std::string> names;
   for (const CalibrationExportFormat& format : CalibrationExportFormats()) {
     names.emplace_back(format.name);

@@ -55,6 +55,7 @@ class CommandParser {
 
 // Each file of commands adds its own.
 void AddBoardCommands(CommandParser& parser);
+void AddLensCommands(CommandParser& parser);
 void AddSessionCommands(CommandParser& parser);
 void AddCameraCommands(CommandParser& parser);
 void AddCalibrationCommands(CommandParser& parser);

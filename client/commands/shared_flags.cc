@@ -87,7 +87,8 @@ void AddTargetOption(CLI::App* app, bool required, Target* target) {
       "What the cameras see: marker positions in metres along the wand, and after ';' diameter "
       "(m), "
       "hz, tolerance (m): \"wand:0,0.13,0.39;diameter=0.04;hz=500\"; \"point\", one marker; "
-      "\"rigid:FILE\", a rigid body: a line with label, x, y, z and sigma (m) for each point; or "
+      "\"rigid:FILE\", a rigid body: a line with label, x, y, z and sigma (m) for each point; "
+      "\"board:checker,9x6,0.04\", a printed board (rigcal board show lists the kinds); or "
       "\"static:FILE\", points that do not move: a line with the label of each, or as for rigid")
       ->required(required);
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <iterator>
 #include <numbers>
 #include <utility>
@@ -21,6 +22,7 @@ namespace {
 
 constexpr int kMinPointsOfSide = 3;
 constexpr int kMaxPointsOfSide = 60;
+constexpr int kMaxCount = 1000000;  // what can be doubled; Validate refuses it
 constexpr double kMinSpacingM = 0.0005;
 constexpr double kMaxSpacingM = 1;
 
@@ -202,9 +204,8 @@ absl::StatusOr<Board> ParseBoard(std::string_view text) {
     return BoardFault(text, absl::StrCat("\"", parts[1], "\" is not COLUMNSxROWS"));
   }
   for (int* count : {&board.columns, &board.rows}) {
-    if (*count < 0 || *count > kMaxPointsOfSide) {
-      return BoardFault(text,
-                        absl::StrCat("\"", parts[1], "\": counts are at most ", kMaxPointsOfSide));
+    if (std::abs(*count) > kMaxCount) {
+      return BoardFault(text, absl::StrCat("\"", parts[1], "\": nobody counts so many"));
     }
     *count = PointsOf(board.kind, *count);
   }

@@ -83,6 +83,8 @@ constexpr CalibrationExportFormat kFormats[] = {
     {"caliscope", "camera_array.toml; cameras are numbered there", kTomlType, false,
      &Make<&WriteCaliscope>},
     {"mcap", "Foxglove's CameraCalibration and FrameTransforms", kBinary, false, &Make<&WriteMcap>},
+    {"mrcal", "a .cameramodel per camera; no fisheye lens", kText, true,
+     &Make<&WriteMrcal, LensRange::kAll, nullptr, true>},
     {"openmvg", "sfm_data.json; lenses are refitted to one focal length", kJsonType, false,
      &Make<&WriteOpenMvg, LensRange::kOneFocal, kOpenMvgProgram>},
     {"matlab", "MAT-file of level 5 with a struct array, first pixel centre (1, 1)", kBinary, false,

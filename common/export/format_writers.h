@@ -27,6 +27,7 @@ ExportFiles WriteAnipose(const ExportedRig& rig);
 ExportFiles WritePose2Sim(const ExportedRig& rig);
 ExportFiles WriteCaliscope(const ExportedRig& rig);
 ExportFiles WriteMcap(const ExportedRig& rig);
+ExportFiles WriteMrcal(const ExportedRig& rig);
 ExportFiles WriteOpenMvg(const ExportedRig& rig);
 ExportFiles WriteMatlab(const ExportedRig& rig);
 ExportFiles WriteBlender(const ExportedRig& rig);

@@ -21,7 +21,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kReadableFormats[] =
-    "OpenCV's .yaml, .xml or .json, ROS's camera_info, kalibr's .yaml, caliscope's, anipose's or "
+    "OpenCV's .yaml, .xml or .json, ROS's camera_info, kalibr's .yaml, mrcal's .cameramodel, "
+    "caliscope's, anipose's or "
     "Pose2Sim's .toml, QTM's .qca.txt, Vicon's .xcp, nerfstudio's transforms.json, OpenMVG's "
     "sfm_data.json, the folder of a COLMAP model";
 
@@ -96,6 +97,7 @@ absl::StatusOr<ImportedRig> ReadFile(const std::string& path) {
   if (absl::StartsWith(begin, "\xff\xfe") || absl::StartsWith(begin, "\xfe\xff")) {
     return ImportError(path, 1, "is written as UTF-16; save it as UTF-8");
   }
+  if (absl::EndsWith(name, ".cameramodel")) return ReadMrcal(path, text);
   if (absl::StartsWith(begin, "%YAML")) return ReadYamlRig(path, text);
   if (absl::StartsWith(begin, "<")) return ReadXmlRig(path, text);
   if (absl::StartsWith(begin, "{")) return ReadJsonRig(path, text);

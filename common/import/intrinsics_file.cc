@@ -68,7 +68,8 @@ std::string LensFileBeside(const std::string& recording) {
 
 bool IsLensFileName(const std::string& path) {
   const std::string end = absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
-  return end == ".yaml" || end == ".yml" || end == ".xml" || end == ".json";
+  return end == ".yaml" || end == ".yml" || end == ".xml" || end == ".json" ||
+         end == ".cameramodel";
 }
 
 }  // namespace rigcal

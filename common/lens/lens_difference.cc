@@ -4,6 +4,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <limits>
+#include <numbers>
 #include <vector>
 
 #include "common/camera/camera_model.h"
@@ -12,13 +14,13 @@
 namespace rigcal {
 namespace {
 
-constexpr int kGridColumns = 30;
-constexpr int kGridRows = 24;
+constexpr int kGridColumns = LensDifference::kColumns, kGridRows = LensDifference::kRows;
 constexpr int kRotationSteps = 10;
 constexpr double kRotationLossPx = 1;
 constexpr double kLeastCommonShare = 0.25;
 
 struct GridRay {
+  size_t index;  // in the grid
   Eigen::Vector2d pixel;
   Eigen::Vector3d direction;
 };
@@ -34,7 +36,8 @@ absl::StatusOr<LensDifference> CompareLenses(const Intrinsics& a, const Intrinsi
                                   (image_size_px.height - 1.0) * row / (kGridRows - 1));
       const absl::StatusOr<Eigen::Vector2d> ray = Undistort(a, pixel);
       if (ray.ok() && Undistort(b, pixel).ok()) {
-        rays.push_back({pixel, Eigen::Vector3d(ray->x(), ray->y(), 1).normalized()});
+        rays.push_back({static_cast<size_t>(row * kGridColumns + column), pixel,
+                        Eigen::Vector3d(ray->x(), ray->y(), 1).normalized()});
       }
     }
   }
@@ -66,16 +69,19 @@ absl::StatusOr<LensDifference> CompareLenses(const Intrinsics& a, const Intrinsi
     if (!(angle > 1e-14)) break;
     rotation = Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() * rotation;
   }
+  LensDifference difference;
+  difference.map_px.assign(kGridColumns * kGridRows, std::numeric_limits<double>::quiet_NaN());
   std::vector<double> distances;
   for (const GridRay& ray : rays) {
     Eigen::Vector2d pixel;
-    if (Project(b, rotation * ray.direction, &pixel))
-      distances.push_back((pixel - ray.pixel).norm());
+    if (!Project(b, rotation * ray.direction, &pixel)) continue;
+    distances.push_back((pixel - ray.pixel).norm());
+    difference.map_px[ray.index] = distances.back();
   }
   if (static_cast<double>(distances.size()) < kLeastCommonShare * kPixels) {
     return absl::FailedPreconditionError("the two lenses do not look the same way");
   }
-  LensDifference difference;
+  difference.turned_deg = Eigen::AngleAxisd(rotation).angle() * 180 / std::numbers::pi;
   difference.median_px = InterpolatedQuantile(distances, 0.5);
   difference.p95_px = InterpolatedQuantile(distances, 0.95);
   difference.most_px = *std::max_element(distances.begin(), distances.end());

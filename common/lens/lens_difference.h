@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <vector>
+
 #include "absl/status/statusor.h"
 #include "common/camera/intrinsics.h"
 
@@ -8,11 +10,14 @@ namespace rigcal {
 
 // How far two lenses of one camera are apart, over a grid of pixels of the whole image.
 struct LensDifference {
+  static constexpr int kColumns = 30, kRows = 24;  // of the grid, from border to border
   double median_px = 0;
   double p95_px = 0;  // 95 % of the image differ by less
   double most_px = 0;
   // Of the grid, where one of the lenses has no ray, or the other one does not show it.
   double unknown_share = 0;
+  double turned_deg = 0;       // the rotation that was taken out
+  std::vector<double> map_px;  // row by row of the grid; not a number where it is unknown
 };
 
 // Pixel -> ray by lens `a` -> pixel by lens `b`, after the rotation that makes the distances least:

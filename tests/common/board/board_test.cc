@@ -14,8 +14,10 @@ using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 
 TEST(Board, ReadsAndWritesEveryKind) {
-  for (const char* text : {"board:checker,9x6,0.03", "board:circles,4x11,0.02",
-                           "board:circles-symmetric,9x7,0.0125"}) {
+  for (const char* text :
+       {"board:checker,9x6,0.03", "board:circles,4x11,0.02", "board:circles-symmetric,9x7,0.0125",
+        "board:circles,4x11,0.02,0.012", "board:charuco,8x6,0.03,0.022,5x5_100",
+        "board:aprilgrid,6x6,0.088,0.3"}) {
     const absl::StatusOr<Board> board = ParseBoard(text);
     ASSERT_THAT(board.status(), IsOk());
     EXPECT_EQ(FormatBoard(*board), text);
@@ -38,6 +40,22 @@ TEST(Board, PlacesPointsAsOpenCvDoes) {
   EXPECT_EQ(centres[1], Eigen::Vector3d(1, 0, 0));
   EXPECT_EQ(centres[4], Eigen::Vector3d(0.5, 0.5, 0));
   EXPECT_EQ(centres[8], Eigen::Vector3d(0, 1, 0));
+}
+
+TEST(Board, PlacesCornersOfTagsAsKalibrDoes) {
+  const Board grid = *ParseBoard("board:aprilgrid,6x5,0.1,0.5");
+  EXPECT_EQ(grid.point_count(), 4 * 30);
+  const auto corners = grid.Points();
+  EXPECT_EQ(corners[0], Eigen::Vector3d(0, 0, 0));
+  EXPECT_TRUE(corners[1].isApprox(Eigen::Vector3d(0.1, 0, 0)));
+  EXPECT_TRUE(corners[2].isApprox(Eigen::Vector3d(0.15, 0, 0)));
+  EXPECT_TRUE(corners[12].isApprox(Eigen::Vector3d(0, 0.1, 0)));
+  EXPECT_TRUE(corners[24].isApprox(Eigen::Vector3d(0, 0.15, 0)));
+  const Board charuco = *ParseBoard("board:charuco,8x6,0.03,0.022,5x5_100");
+  EXPECT_EQ(charuco.columns, 7);
+  EXPECT_EQ(charuco.rows, 5);
+  EXPECT_FALSE(charuco.HasTwin());
+  EXPECT_FALSE(grid.HasTwin());
 }
 
 TEST(Board, KnowsItsTwin) {

@@ -55,6 +55,7 @@ const FormatCase kCases[] = {
     {"pose2sim", &testing::ReadPose2SimToml, {TestLens::kFisheye}, "fisheye"},
     {"caliscope", &testing::ReadCaliscopeToml, {}},
     {"mcap", &testing::ReadMcapFile, {}},
+    {"mrcal", &testing::ReadMrcalModels, {TestLens::kFisheye}, "fisheye"},
     {"openmvg", &testing::ReadOpenMvgJson, {TestLens::kRational}, "--undistorted", true},
     {"matlab", &testing::ReadMatFile, {}},
     {"blender", &testing::ReadBlenderScript, kDistorted, "--undistorted"},

@@ -36,6 +36,7 @@ ReadCameras ReadNerfstudioJson(const ExportedFiles& files);
 ReadCameras ReadAniposeToml(const ExportedFiles& files);
 ReadCameras ReadPose2SimToml(const ExportedFiles& files);
 ReadCameras ReadCaliscopeToml(const ExportedFiles& files);
+ReadCameras ReadMrcalModels(const ExportedFiles& files);
 ReadCameras ReadMcapFile(const ExportedFiles& files);
 ReadCameras ReadOpenMvgJson(const ExportedFiles& files);
 ReadCameras ReadMatFile(const ExportedFiles& files);

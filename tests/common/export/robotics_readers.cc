@@ -98,6 +98,35 @@ ReadCameras ReadKalibrCamchain(const ExportedFiles& files) {
   return cameras;
 }
 
+// mrcal's cameramodel is a dictionary of Python, whose flow style YAML reads, too.
+ReadCameras ReadMrcalModels(const ExportedFiles& files) {
+  ReadCameras cameras;
+  for (const ExportFile& file : files) {
+    const YAML::Node node = YAML::Load(file.content);
+    OpenCvCamera camera;
+    std::vector<double> values = Numbers(node["intrinsics"]);
+    const std::string model = node["lensmodel"].as<std::string>();
+    if (model != "LENSMODEL_OPENCV" + std::to_string(values.size() - 4)) {
+      throw std::runtime_error(model + " does not fit its intrinsics");
+    }
+    camera.k = CameraMatrix(values.at(0), values.at(1), values.at(2), values.at(3));
+    camera.distortion.assign(values.begin() + 4, values.end());
+    const std::vector<double> rt = Numbers(node["extrinsics"]);
+    const Eigen::Vector3d turn(rt.at(0), rt.at(1), rt.at(2));
+    if (turn.norm() > 0) {
+      camera.cam_from_rig.topLeftCorner<3, 3>() =
+          Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+    }
+    camera.cam_from_rig.topRightCorner<3, 1>() << rt.at(3), rt.at(4), rt.at(5);
+    cameras.push_back({.name = file.name.substr(0, file.name.rfind(".cameramodel")),
+                       .width_px = node["imagersize"][0].as<double>(),
+                       .height_px = node["imagersize"][1].as<double>(),
+                       .time_offset_s = 0,
+                       .project = [camera](const auto& x) { return camera.Project(x); }});
+  }
+  return cameras;
+}
+
 ReadCameras ReadRosFiles(const ExportedFiles& files) {
   const auto ros1 = TransformsOf(ContentOf(files, "static_transforms.ros1.launch"), false);
   const auto ros2 = TransformsOf(ContentOf(files, "static_transforms.ros2.launch.xml"), true);

@@ -5,7 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <opencv2/aruco.hpp>
+#include <opencv2/imgproc.hpp>
 
+#include "common/board/marker_cells.h"
 #include "common/lens/circle_image.h"
 #include "common/statistics/robust_statistics.h"
 #include "tests/agent/detect/board/rendered_board.h"
@@ -18,6 +22,34 @@ namespace {
 using namespace rigcal::testing;  // the known lens
 
 constexpr double kLensBlurPx = 0.7;
+
+constexpr int kOldSquarePx = 50, kOldMarginPx = 60;
+
+// A ChArUco board from the front as OpenCV drew it before 4.6: markers in the squares whose column
+// and row add up to an even number.
+cv::Mat OldLayout(const Board& board) {
+  const int across = board.columns + 1, high = board.rows + 1;
+  cv::Mat image(high * kOldSquarePx + 2 * kOldMarginPx, across * kOldSquarePx + 2 * kOldMarginPx,
+                CV_8UC1, cv::Scalar(255));
+  const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryOf(board));
+  const int marker_px = static_cast<int>(kOldSquarePx * board.marker_m / board.spacing_m);
+  const int inset_px = (kOldSquarePx - marker_px) / 2;
+  int id = 0;
+  for (int row = 0; row < high; ++row) {
+    for (int column = 0; column < across; ++column) {
+      const int x = kOldMarginPx + column * kOldSquarePx, y = kOldMarginPx + row * kOldSquarePx;
+      if ((row + column) % 2 != 0) {
+        image(cv::Rect(x, y, kOldSquarePx, kOldSquarePx)).setTo(0);
+        continue;
+      }
+      cv::Mat marker;
+      cv::aruco::drawMarker(dictionary, id++, marker_px, marker, 1);
+      marker.copyTo(image(cv::Rect(x + inset_px, y + inset_px, marker_px, marker_px)));
+    }
+  }
+  cv::GaussianBlur(image, image, cv::Size(0, 0), 0.8);
+  return image;
+}
 
 // Distances of the found points from where they are, in order; empty: not found.
 std::vector<double> Errors(const Board& board, const Intrinsics& lens,
@@ -105,9 +137,76 @@ TEST(BoardDetector, FindsCirclesOfBothKinds) {
   }
 }
 
+// Where y points up.
+RigidTransform UpsideDown(RigidTransform pose, const Board& board) {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : board.Points()) middle += point / board.point_count();
+  const Eigen::Vector3d at = pose * middle;
+  pose.rotation = pose.rotation * Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX());
+  pose.translation_m = at - pose.rotation * middle;
+  return pose;
+}
+
+TEST(BoardDetector, FindsBoardsWithMarkersAlsoInPart) {
+  const Intrinsics lens = KnownPinhole();
+  const BoardRenderer renderer(lens, kKnownImage);
+  for (const char* text : {"board:charuco,8x6,0.04,0.028,5x5_100",
+                           "board:charuco,7x5,0.045,0.03,4x4_50", "board:aprilgrid,5x4,0.05,0.3"}) {
+    const Board board = *ParseBoard(text);
+    const auto points = board.Points();
+    for (const Eigen::Vector3d& turn : {Eigen::Vector3d(0, 0, 0.1), Eigen::Vector3d(0.5, 0.2, 3),
+                                        Eigen::Vector3d(0.2, 0.7, 1.4)}) {
+      for (const bool is_cut : {false, true}) {
+        RigidTransform pose = BoardAt(
+            board, lens, is_cut ? Eigen::Vector2d(110, 235) : Eigen::Vector2d(320, 240), 0.5, turn);
+        if (board.kind == BoardKind::kAprilGrid) pose = UpsideDown(pose, board);
+        const cv::Mat image = renderer.Render(board, pose, kLensBlurPx, 1);
+        const auto seen = FindBoard(board, MonoView(image));
+        ASSERT_THAT(seen, IsOk());
+        ASSERT_TRUE(seen->has_value()) << text << " turn " << turn.transpose() << " cut " << is_cut;
+        std::vector<double> errors;
+        double nees = 0;
+        for (size_t i = 0; i < points.size(); ++i) {
+          if (!(*seen)->Sees(i)) continue;
+          Eigen::Vector2d pixel;
+          ASSERT_TRUE(Project(lens, pose * points[i], &pixel));
+          errors.push_back(((*seen)->pixels[i] - pixel).norm());
+          nees += std::pow(errors.back() / (*seen)->sigmas_px[i], 2) / 2;
+        }
+        const double share =
+            static_cast<double>(errors.size()) / static_cast<double>(points.size());
+        EXPECT_GT(share, is_cut ? 0.25 : 0.85) << text << " turn " << turn.transpose();
+        EXPECT_LT(share, is_cut ? 1 : 1.1);
+        EXPECT_LT(Median(errors), 0.03) << text << " turn " << turn.transpose();
+        EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 0.15)
+            << text << " turn " << turn.transpose();
+        EXPECT_LT(nees / static_cast<double>(errors.size()), 4) << text;
+      }
+    }
+  }
+}
+
+TEST(BoardDetector, ReadsChArUcoBoardsOfTheOldLayout) {
+  // With an even number of rows of squares, OpenCV before 4.6 drew the upper left square white.
+  const Board board = *ParseBoard("board:charuco,8x6,0.04,0.028,5x5_100");
+  const cv::Mat image = OldLayout(board);
+  const auto seen = FindBoard(board, MonoView(image));
+  ASSERT_THAT(seen, IsOk());
+  ASSERT_TRUE(seen->has_value());
+  for (size_t i = 0; i < (*seen)->pixels.size(); ++i) {
+    ASSERT_TRUE((*seen)->Sees(i));
+    const Eigen::Vector3d point = board.Points()[i];
+    const Eigen::Vector2d expected(kOldMarginPx + kOldSquarePx * (1 + point.x() / 0.04) - 0.5,
+                                   kOldMarginPx + kOldSquarePx * (1 + point.y() / 0.04) - 0.5);
+    EXPECT_LT(((*seen)->pixels[i] - expected).norm(), 0.1) << i;
+  }
+}
+
 TEST(BoardDetector, FindsNothingWhereThereIsNothing) {
   const cv::Mat grey(480, 640, CV_8UC1, cv::Scalar(90));
-  for (const char* text : {"board:checker,9x6,0.03", "board:circles,4x11,0.02"}) {
+  for (const char* text :
+       {"board:checker,9x6,0.03", "board:circles,4x11,0.02", "board:charuco,8x6,0.04,0.028,5x5_100",
+        "board:aprilgrid,6x6,0.088,0.3"}) {
     const auto seen = FindBoard(*ParseBoard(text), MonoView(grey));
     ASSERT_THAT(seen, IsOk());
     EXPECT_FALSE(seen->has_value());

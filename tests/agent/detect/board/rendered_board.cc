@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/agent/detect/board/rendered_board.h"
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <optional>
+#include <vector>
 
+#include "common/board/marker_cells.h"
 #include "common/camera/camera_model.h"
 
 namespace rigcal::testing {
@@ -38,6 +42,60 @@ float ColourOf(const Board& board, const Eigen::Vector3f& at) {
   return kPaperWhite;
 }
 
+// The pattern of a board with markers, for quick look-up of its black cells.
+class MarkerPattern {
+ public:
+  explicit MarkerPattern(const Board& board) : board_(board) {
+    cells_ = MarkerCells(board);
+    pitch_m_ = cells_[0].side_m;
+    for (const BlackCell& cell : cells_) pitch_m_ = std::min(pitch_m_, cell.side_m);
+    for (const BlackCell& cell : cells_) {
+      width_m_ = std::max(width_m_, cell.x_m + cell.side_m);
+      height_m_ = std::max(height_m_, cell.y_m + cell.side_m);
+    }
+    columns_ = static_cast<int>(width_m_ / pitch_m_) + 2;
+    rows_ = static_cast<int>(height_m_ / pitch_m_) + 2;
+    buckets_.resize(static_cast<size_t>(columns_ * rows_));
+    for (size_t i = 0; i < cells_.size(); ++i) {
+      const BlackCell& cell = cells_[i];
+      for (int row = Bucket(cell.y_m); row <= Bucket(cell.y_m + cell.side_m); ++row) {
+        for (int column = Bucket(cell.x_m); column <= Bucket(cell.x_m + cell.side_m); ++column) {
+          buckets_[static_cast<size_t>(row * columns_ + column)].push_back(i);
+        }
+      }
+    }
+  }
+
+  // At a point of frame `board`.
+  float ColourAt(const Eigen::Vector3f& at) const {
+    const bool is_april = board_.kind == BoardKind::kAprilGrid;
+    const double gap_m = is_april ? board_.gap_share * board_.spacing_m : board_.spacing_m;
+    const double x = at.x() + gap_m, y = is_april ? height_m_ - gap_m - at.y() : at.y() + gap_m;
+    const double margin_m = board_.spacing_m;
+    if (x < -margin_m || y < -margin_m || x > width_m_ + margin_m || y > height_m_ + margin_m) {
+      return kGround;
+    }
+    if (x < 0 || y < 0 || x > width_m_ || y > height_m_) return kPaperWhite;
+    for (const size_t i : buckets_[static_cast<size_t>(Bucket(y) * columns_ + Bucket(x))]) {
+      const BlackCell& cell = cells_[i];
+      if (x >= cell.x_m && y >= cell.y_m && x < cell.x_m + cell.side_m &&
+          y < cell.y_m + cell.side_m) {
+        return kInk;
+      }
+    }
+    return kPaperWhite;
+  }
+
+ private:
+  int Bucket(double metres) const { return static_cast<int>(metres / pitch_m_); }
+
+  const Board board_;
+  std::vector<BlackCell> cells_;
+  double pitch_m_ = 0, width_m_ = 0, height_m_ = 0;
+  int columns_ = 0, rows_ = 0;
+  std::vector<std::vector<size_t>> buckets_;
+};
+
 }  // namespace
 
 BoardRenderer::BoardRenderer(const Intrinsics& lens, const ImageSize& image) : image_(image) {
@@ -62,6 +120,10 @@ cv::Mat BoardRenderer::Render(const Board& board, const RigidTransform& cam_from
   const RigidTransform board_from_cam = cam_from_board.Inverse();
   const Eigen::Matrix3f turn = board_from_cam.rotation.toRotationMatrix().cast<float>();
   const Eigen::Vector3f eye = board_from_cam.translation_m.cast<float>();
+  std::optional<MarkerPattern> markers;
+  if (board.HasMarkers()) markers.emplace(board);
+  // z points away from who looks at the front, of an April grid towards him.
+  const float away = board.kind == BoardKind::kAprilGrid ? -1 : 1;
   cv::Mat1f light(static_cast<int>(image_.height), static_cast<int>(image_.width));
   for (int y = 0; y < light.rows; ++y) {
     for (int x = 0; x < light.cols; ++x) {
@@ -81,9 +143,13 @@ cv::Mat BoardRenderer::Render(const Board& board, const RigidTransform& cam_from
         const Eigen::Vector3f ray =
             turn * ((1 - b) * ((1 - a) * Ray(column, row) + a * Ray(column + 1, row)) +
                     b * ((1 - a) * Ray(column, row + 1) + a * Ray(column + 1, row + 1)));
-        // z points away from who looks at the front.
-        const float distance = ray.z() > 0 ? -eye.z() / ray.z() : -1;
-        sum += distance > 0 ? ColourOf(board, eye + distance * ray) : kGround;
+        const float distance = away * ray.z() > 0 ? -eye.z() / ray.z() : -1;
+        if (!(distance > 0)) {
+          sum += kGround;
+          continue;
+        }
+        const Eigen::Vector3f at = eye + distance * ray;
+        sum += markers ? markers->ColourAt(at) : ColourOf(board, at);
       }
       light(y, x) = sum / (kSamples * kSamples);
     }

@@ -26,7 +26,8 @@ absl::Status EventObservationSource::Start(const Target& target) {
   first_epoch_ = 0;
   last_epoch_ = 0;
   without_blob_ = 0;
-  has_blob_ = warned_of_two_ = warned_of_one_switch_ = false;
+  has_blob_ = warned_of_two_ = warned_of_band_ = warned_of_one_switch_ = false;
+  losses_ = EventLossReport();
   found_.clear();
   next_ = 0;
   // Fails now if the detector cannot work, whatever the format will be.
@@ -56,6 +57,7 @@ absl::StatusOr<bool> EventObservationSource::TakeChunk() {
     ended_ = true;
     if (detector_) detector_->Finish(&found_);
     CountEpochs(0);
+    LogLosses(/*is_end=*/true);
   }
   return true;
 }
@@ -99,14 +101,7 @@ void EventObservationSource::CountEpochs(size_t first_found) {
 void EventObservationSource::WarnOfScene(size_t first_found) {
   const std::string& camera = description().camera;
   for (size_t i = first_found; i < found_.size(); ++i) {
-    if (found_[i].outcome == DetectionOutcome::kAmbiguous && !warned_of_two_) {
-      warned_of_two_ = true;
-      spdlog::warn(
-          "camera {}: more than one wand of this blink frequency is in view, or a mirror image of "
-          "it; such observations are left empty (counted as ambiguous). Leave one, or give the "
-          "wands frequencies that differ by a quarter",
-          camera);
-    }
+    if (found_[i].outcome == DetectionOutcome::kAmbiguous) WarnOfRivals();
     has_blob_ |= found_[i].blob_count > 0;
     if (!has_blob_ && ++without_blob_ == kSilentDetections) {
       spdlog::warn(
@@ -116,6 +111,7 @@ void EventObservationSource::WarnOfScene(size_t first_found) {
           camera, kSilentDetections);
     }
   }
+  LogLosses(/*is_end=*/false);
   const BlinkWandCounts counts = AllCounts();
   if (counts.by_rise + counts.by_fall < kOneSwitchWands || warned_of_one_switch_) return;
   warned_of_one_switch_ = true;
@@ -126,6 +122,35 @@ void EventObservationSource::WarnOfScene(size_t first_found) {
       "motion, and the time offset to 0.2 ms. For more set the duty cycle nearer to 50 %, lower "
       "the blink frequency, or shorten the refractory period",
       camera, is_rise ? "rise" : "fall", is_rise ? "on" : "off");
+}
+
+void EventObservationSource::WarnOfRivals() {
+  if (warned_of_two_ && warned_of_band_) return;
+  const BlinkWandCounts counts = AllCounts();
+  const uint64_t ambiguous = counts.by_outcome.Of(DetectionOutcome::kAmbiguous);
+  const bool is_band = 2 * counts.banded > ambiguous;
+  if (std::exchange(is_band ? warned_of_band_ : warned_of_two_, true)) return;
+  if (is_band) {
+    spdlog::warn(
+        "camera {}: lights of about {} Hz are in view beside the wand, within the band of +-{:.0f} "
+        "% around its blink frequency in which lights are taken for markers; such observations are "
+        "left empty (counted as ambiguous). Add band={:.2g} to the camera's options, which leaves "
+        "these lights out, or switch them off",
+        description().camera, counts.other_hz / counts.banded, 100 * options_.band_rel,
+        1e-4 * static_cast<double>(counts.band_10000) / static_cast<double>(counts.banded));
+    return;
+  }
+  spdlog::warn(
+      "camera {}: more than one wand of this blink frequency is in view, or a mirror image of it; "
+      "such observations are left empty (counted as ambiguous). Leave one, or give the wands "
+      "frequencies that differ by a quarter",
+      description().camera);
+}
+
+void EventObservationSource::LogLosses(bool is_end) {
+  for (const std::string& warning : losses_.Take(AllCounts(), is_end)) {
+    spdlog::warn("camera {}: {}", description().camera, warning);
+  }
 }
 
 EventFaults EventObservationSource::AllFaults() const {

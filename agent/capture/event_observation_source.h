@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "agent/capture/event_loss_report.h"
 #include "agent/capture/observation_source.h"
 #include "agent/detect/event/blink_wand_detector.h"
 #include "agent/event/event_source.h"
@@ -44,6 +45,8 @@ class EventObservationSource : public ObservationSource {
   void CountEpochs(size_t first_found);
   // Once each: two wands in view, nothing that blinks so.
   void WarnOfScene(size_t first_found);
+  void WarnOfRivals();
+  void LogLosses(bool is_end);
   EventFaults AllFaults() const;
   BlinkWandCounts AllCounts() const;
 
@@ -62,7 +65,9 @@ class EventObservationSource : public ObservationSource {
   size_t next_ = 0;  // of found_
   bool ended_ = true;
   uint64_t without_blob_ = 0;  // detections in a row, from the first one on
-  bool has_blob_ = false, warned_of_two_ = false, warned_of_one_switch_ = false;
+  bool has_blob_ = false, warned_of_two_ = false, warned_of_band_ = false;
+  bool warned_of_one_switch_ = false;
+  EventLossReport losses_;
 };
 
 }  // namespace rigcal::agent

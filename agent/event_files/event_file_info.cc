@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "agent/event/any_event_decoder.h"
+#include "agent/event/event_gaps.h"
 #include "agent/event/fault_locator.h"
 #include "agent/event_files/sensor_geometry.h"
 #include "common/status/status_macros.h"
@@ -13,6 +14,9 @@
 namespace rigcal::agent {
 namespace {
 
+// A wand's blink period, and silence that is no gap any more but a dark scene.
+constexpr double kUsualPeriodUs = 2000;
+constexpr int64_t kLongestGapUs = 40'000;
 constexpr size_t kInfoPieceBytes = size_t{64} << 10;
 
 // Counts. Times of CD events are 32 bits; the decoder's own time leads to all 64.
@@ -33,6 +37,13 @@ class InfoSink {
     for (; mask != 0; mask &= mask - 1) {
       info_.sum_x += x + static_cast<uint32_t>(std::countr_zero(mask));
     }
+    const PackedEvent event{.time_us = time_us, .x = 0, .y_polarity = 0};
+    const std::span<const PackedEvent> one(&event, 1);
+    if (gaps_.MayHold(one)) {
+      gaps_.Next(one);
+    } else {
+      gaps_.Pass(one);
+    }
     const int64_t near_us = decoder_.time_us();
     See(near_us + static_cast<int32_t>(time_us - static_cast<uint32_t>(near_us)));
   }
@@ -52,12 +63,15 @@ class InfoSink {
   }
   void TimeStepBack(int64_t time_us) {
     EndEpoch();
+    gaps_.Restart();
     now_us_ = time_us;
   }
 
   void EndEpoch() {
     if (in_epoch_) info_.duration_us += now_us_ - epoch_first_us_;
     in_epoch_ = false;
+    info_.gaps = gaps_.count();
+    info_.gap_us = gaps_.total_us();
   }
 
  private:
@@ -77,6 +91,7 @@ class InfoSink {
 
   const Decoder& decoder_;
   EventFileInfo& info_;
+  EventGaps gaps_{kUsualPeriodUs, kLongestGapUs};
   int64_t now_us_ = 0;
   bool in_epoch_ = false;
   int64_t epoch_first_us_ = 0;

@@ -43,6 +43,9 @@ struct EventFileInfo {
   int64_t shortest_step_us = 0;
   uint64_t step_count = 0;
 
+  // Silence of the whole sensor while the scene fires (EventGaps).
+  uint64_t gaps = 0, gap_us = 0;
+
   // What cannot be as the file or the options say, each with what to do about it.
   std::vector<std::string> Notes() const;
 

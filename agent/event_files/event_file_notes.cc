@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the events of a file say against the unit that their times are read in. A sensor sends
-// hundreds of events a second even where nothing moves, and not 1e9 of them; no recording is longer
-// than some days.
+// Gaps in a file, and what its events say against the unit that their times are read in. A sensor
+// sends hundreds of events a second even where nothing moves, and not 1e9 of them; no recording is
+// longer than some days.
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
@@ -12,6 +12,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr uint64_t kFewEvents = 100;  // of which nothing can be said
+constexpr uint64_t kFewGaps = 5;      // these may be chance
 constexpr double kLowestRateHz = 100;
 constexpr double kHighestRateHz = 2e9;
 constexpr double kUsualRateHz = 1e5;
@@ -49,6 +50,14 @@ TimeUnit LikelierUnit(double events, double seconds, TimeUnit unit) {
 
 std::vector<std::string> EventFileInfo::Notes() const {
   std::vector<std::string> notes;
+  if (gaps > kFewGaps) {
+    notes.push_back(absl::StrFormat(
+        "%d gaps, %.1f ms in all (%.1f %% of the time), in which no pixel sends an event while the "
+        "scene is busy: data were lost between sensor and file; use a USB port and cable of its "
+        "own, a faster disk, or fewer events (higher thresholds, smaller aperture)",
+        gaps, static_cast<double>(gap_us) / 1e3,
+        100 * static_cast<double>(gap_us) / static_cast<double>(duration_us)));
+  }
   if (header.format != EventFormat::kPlain || cd_events < kFewEvents) return notes;
   const auto events = static_cast<double>(cd_events);
   const double seconds = static_cast<double>(duration_us) / 1e6;

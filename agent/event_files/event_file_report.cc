@@ -125,6 +125,8 @@ std::string InfoJson(const EventFileInfo& info) {
   json["first_us"] = info.first_us ? Json(*info.first_us) : Json(nullptr);
   json["last_us"] = info.last_us ? Json(*info.last_us) : Json(nullptr);
   json["duration_us"] = info.duration_us;
+  json["gaps"] = info.gaps;
+  json["gap_us"] = info.gap_us;
   json["events_per_s"] = info.events_per_s();
   for (const EventFaultKind& kind : kEventFaultKinds) {
     json["faults"][kind.name] = info.faults.*kind.count;

@@ -28,6 +28,7 @@ std::vector<Experiment> AllExperiments() {
           FitWandScore(),
           AmbientLight(),
           EventDetection(),
+          EventDisturbances(),
           EventLatency(),
           BlinkFrequency()};
 }

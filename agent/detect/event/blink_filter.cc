@@ -14,6 +14,14 @@ namespace {
 // units old when Sweep comes again, ten periods late.
 constexpr uint32_t kSweepUnits = 0x10000 - BlinkRules::kForgetUnits - (11 << 10);
 
+// Of a period: so much before a gap begins pixels may still have to answer.
+constexpr uint32_t kBridgeMarginDivisor = 16;
+
+// Pixels of a tile that blink and miss blinks: noise is a pixel or two. Of a period: by which their
+// answers may be away from a whole number of periods.
+constexpr int kMissPixels = 12;
+constexpr uint32_t kMissToleranceDivisor = 10;
+
 // Of the unit of time, in which a period is less than 1024.
 int ShiftOf(double period_us) {
   int shift = 0;
@@ -116,6 +124,38 @@ void BlinkFilter::Sweep(uint32_t time_us) {
   has_swept_ = true;
 }
 
+std::optional<double> BlinkFilter::AnsweredShare(uint32_t time_us) const {
+  const uint32_t now = time_us >> shift_, period = blinks_.front().period;
+  const uint32_t tolerance = period / kMissToleranceDivisor;
+  int once = 0, twice = 0, more = 0;  // pixels whose last two answers are so many periods apart
+  for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
+    const uint32_t x0 = tile % rules_.tile_columns << kTileShift;
+    const uint32_t y0 = tile / rules_.tile_columns << kTileShift;
+    const uint32_t x1 = std::min(options_.geometry.width, x0 + (1u << kTileShift));
+    const uint32_t y1 = std::min(options_.geometry.height, y0 + (1u << kTileShift));
+    int count[4] = {};
+    for (uint32_t y = y0; y < y1; ++y) {
+      const uint32_t* const row = states_.data() + static_cast<size_t>(y) * rules_.stride;
+      for (uint32_t x = x0; x < x1; ++x) {
+        const uint32_t gap = row[x] >> 4 & BlinkRules::kMaxGap;
+        const uint32_t periods = (gap + period / 2) / period;
+        if (periods < 1 || periods > 3 || ((now - (row[x] >> 16)) & 0xffff) > 4 * period) continue;
+        if (gap - periods * period + tolerance <= 2 * tolerance) ++count[periods];
+      }
+    }
+    // Of lights of half or a third of the frequency no two answers are one period apart.
+    const int missing = count[2] + count[3];
+    if (count[1] + missing < kMissPixels || 4 * missing < count[1] || count[1] * 4 < missing) {
+      continue;
+    }
+    once += count[1], twice += count[2], more += count[3];
+  }
+  if (once + twice + more == 0) return std::nullopt;
+  // Blinks that are missed by chance: of n periods to the next answer each is as much rarer than n
+  // - 1 as blinks are missed.
+  return std::max(0.0, 1 - static_cast<double>(twice + more) / (once + twice));
+}
+
 void BlinkFilter::MarkActive(uint32_t time_us, std::vector<uint8_t>* tiles) const {
   tiles->assign(tiles_.size(), 0);
   const auto recent_us = static_cast<uint32_t>(2 * period_us_);
@@ -131,6 +171,45 @@ void BlinkFilter::MarkActive(uint32_t time_us, std::vector<uint8_t>* tiles) cons
       }
     }
   }
+}
+
+void BlinkFilter::Bridge(uint32_t from_us, uint32_t until_us) {
+  const uint32_t from = from_us >> shift_, length = (until_us - from_us) >> shift_;
+  const auto nominal = static_cast<uint32_t>(std::lround(period_us_ / (1 << shift_)));
+  const uint32_t margin = nominal / kBridgeMarginDivisor;
+  const auto recent_us = static_cast<uint32_t>(2 * period_us_) + until_us - from_us;
+  for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
+    if (tiles_[tile] == 0 || until_us + 1 - tiles_[tile] > recent_us) continue;
+    const uint32_t x0 = tile % rules_.tile_columns << kTileShift;
+    const uint32_t y0 = tile / rules_.tile_columns << kTileShift;
+    const uint32_t x1 = std::min(options_.geometry.width, x0 + (1u << kTileShift));
+    const uint32_t y1 = std::min(options_.geometry.height, y0 + (1u << kTileShift));
+    bool has_lit = false;
+    for (uint32_t y = y0; y < y1; ++y) {
+      uint32_t* const row = states_.data() + static_cast<size_t>(y) * rules_.stride;
+      for (uint32_t x = x0; x < x1; ++x) has_lit |= Bridge(from - margin, length + margin, &row[x]);
+    }
+    // A tile's time is 1 late at most.
+    if (has_lit) tiles_[tile] = (until_us - 1) | 1;
+  }
+}
+
+bool BlinkFilter::Bridge(uint32_t from, uint32_t length, uint32_t* state) const {
+  const uint32_t gap = *state >> 4 & BlinkRules::kMaxGap;
+  const bool is_in_band = gap - rules_.low_gap <= rules_.band_gap;
+  if (!is_in_band && blinks_.size() > 1) return false;  // of which light is not known
+  const uint32_t period = is_in_band ? gap : blinks_.front().period;
+  // From the last crossing to the gap; negative: bridged up to there already.
+  const int32_t since = static_cast<int16_t>(from - (*state >> 16));
+  const int32_t elapsed = since + static_cast<int32_t>(length);
+  if (since > static_cast<int32_t>(period) || elapsed < 0) return false;
+  // What it missed: falls at least.
+  if (rules_.needs_off != 0) *state &= ~BlinkRules::kOnBit;
+  const uint32_t missed = static_cast<uint32_t>(elapsed) / period;
+  if (missed == 0) return false;
+  const uint32_t last = ((*state >> 16) + missed * period) & 0xffff;
+  *state = last << 16 | period << 4 | (*state & 0xf);
+  return true;
 }
 
 const std::vector<BlinkBlob>& BlinkFilter::FindBlobs(uint32_t time_us) {

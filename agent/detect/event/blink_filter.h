@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -78,15 +79,26 @@ class BlinkFilter {
   // each call.
   void Sweep(uint32_t time_us);
 
+  // The sensor was silent between these times: what pixels that blink did then is taken to be what
+  // they did in the periods before, so that a light that goes on behind the gap is known to blink.
+  // May be called again with the same `from_us` and a later end.
+  void Bridge(uint32_t from_us, uint32_t until_us);
+
   // Markers as they were in the last burst that was over at `time_us`, from top to bottom; with
   // several frequencies for one after the other, each in a burst about as long ago as that of the
   // lowest.
   const std::vector<BlinkBlob>& FindBlobs(uint32_t time_us);
 
+  // Of the blinks of pixels that lie close together and blink with the first frequency but miss
+  // blinks, the share that they answer, between 0 and 1; none: there are no such pixels. Looks at
+  // every pixel of the sensor.
+  std::optional<double> AnsweredShare(uint32_t time_us) const;
+
   // Marks the tiles (BlinkRules) in which pixels have blinked lately, and those beside them.
   void MarkActive(uint32_t time_us, std::vector<uint8_t>* tiles) const;
 
   double period_us() const { return period_us_; }  // the longest
+  const std::vector<double>& blink_hz() const { return options_.blink_hz; }
   SensorGeometry geometry() const { return options_.geometry; }
   int min_blob_pixels() const { return options_.min_blob_pixels; }
   static constexpr int kBytesPerPixel = 4;
@@ -95,6 +107,8 @@ class BlinkFilter {
   static constexpr int kTileShift = BlinkRules::kTileShift;
 
   BlinkFilter(const BlinkFilterOptions& options, const BlinkKernel& kernel);
+  // One pixel, in units; whether it would have lit up.
+  bool Bridge(uint32_t from, uint32_t length, uint32_t* state) const;
 
   BlinkFilterOptions options_;
   double period_us_;

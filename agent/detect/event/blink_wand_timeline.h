@@ -10,6 +10,7 @@
 #include "agent/detect/event/blink_detections.h"
 #include "agent/detect/event/blink_filter.h"
 #include "agent/detect/event/flash_measurer.h"
+#include "agent/event/event_gaps.h"
 
 namespace rigcal::agent {
 
@@ -49,10 +50,13 @@ class BlinkWandTimeline {
   // None of them behind the next stop.
   void Feed(std::span<const PackedEvent> events) {
     if (events.empty()) return;
-    is_clear_ = false;
-    filter_.Events(events);
-    if (trial_) trial_->filter.Events(events);
-    recorder_.Take(events);
+    if (gaps_.MayHold(events)) [[unlikely]] {
+      events = FeedUpToGaps(events);
+      if (events.empty()) return;
+    } else {
+      gaps_.Pass(events);
+    }
+    FeedWhole(events);
   }
 
   const BlinkWandCounts& counts() const { return counts_; }
@@ -67,6 +71,20 @@ class BlinkWandTimeline {
     const int64_t learned_us = is_learning_ ? learn_until_us_ : FlashRecorder::kNever;
     return std::min({next_sweep_us_, schedule_.due_us(), recorder_.next_begin_us(), learned_us});
   }
+  void FeedWhole(std::span<const PackedEvent> events) {
+    is_clear_ = false;
+    counts_.events += events.size();
+    filter_.Events(events);
+    if (trial_) trial_->filter.Events(events);
+    recorder_.Take(events);
+  }
+  // What is left of them has no gap before it.
+  std::span<const PackedEvent> FeedUpToGaps(std::span<const PackedEvent> events);
+  void Bridge(uint32_t from_us, uint32_t until_us);
+  // After each detection.
+  void CountLosses(int64_t due_us, const BlinkWand& wand);
+  // Blobs whose last burst would have been in a gap are of the last one that was not.
+  void DateBlobs(uint32_t due_us);
   void DetectNext();
   void Detect(const OutputTime& asked);
   void Learn(int64_t now_us);
@@ -86,6 +104,8 @@ class BlinkWandTimeline {
   const int64_t sweep_us_;
   const int64_t silence_us_;  // after which no pixel blinks any more
   OutputSchedule schedule_;
+  EventGaps gaps_;
+  const size_t marker_count_;
   BlinkWandCounts counts_;
   BlinkDetections detections_;
   AnswersChoice answers_;
@@ -106,6 +126,8 @@ class BlinkWandTimeline {
   int64_t next_sweep_us_ = 0;
   int64_t detections_left_ = 0;  // at the fixed rate, in this Take
   int64_t forgets_left_ = 0;
+  // Of every pixel for missed blinks, in this Take, and not before that time.
+  int64_t looks_left_ = 0, next_look_us_ = 0;
   bool is_clear_ = true;  // no event has come to the filter since it forgot all
   // The filter holds outdated states.
   bool must_forget_ = false;

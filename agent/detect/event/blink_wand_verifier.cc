@@ -22,6 +22,12 @@ constexpr double kUntimedPx = 0.3;
 // Of a centre by one switch (BlinkBlob::ahead): by how much, and how well that is known. Half of it
 // is taken at this speed, whose direction is hardly known.
 constexpr double kOneSwitchPx = 0.06, kOneSwitchLeftPx = 0.1, kOneSwitchPxPerUs = 10e-6;
+// Of a marker's pixels, those that answer anyway. Where fewer do (BlinkBlob::answered_share), the
+// others are missing by chance, which moves the mean of the rest by a variance of (1 - share) / (4
+// pi share) square pixels, whatever the size; by neighbours that are filled in or left out, more.
+// Which of a pixel's events are missing moves the time by about that share of a period.
+constexpr double kUsualShare = 0.96, kMissingFactor = 2, kMissingTimeFactor = 2;
+constexpr double kMissLeastShare = 0.05;  // fewer cannot form a blob
 // Of the depth to which the pixels of two markers overlap, and beyond which they are apart: what is
 // between them may have been given to the wrong one.
 constexpr double kTouchShare = 0.2, kTouchPx = 0.5;
@@ -49,6 +55,21 @@ double Radius(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::
 
 double CentreVariance(const Blob& blob) {
   return kRimPx / (4 * std::numbers::pi * Radius(blob)) + kFloorPx * kFloorPx;
+}
+
+// What pixels that did not answer add.
+Eigen::Matrix2d CovarianceOfMissing(const BlinkBlob& blob,
+                                    const std::optional<Eigen::Vector2d>& px_per_us) {
+  const double missing = 1 - blob.answered_share / kUsualShare;
+  if (missing <= 0) return Eigen::Matrix2d::Zero();
+  const double share = std::max(kMissLeastShare, 1 - missing);
+  const double variance = kMissingFactor * missing / (share * 4 * std::numbers::pi);
+  const double late_us = kMissingTimeFactor * missing * blob.period_us;
+  if (!px_per_us) {
+    return (variance + std::pow(late_us * kMotionPxPerUs, 2)) * Eigen::Matrix2d::Identity();
+  }
+  const Eigen::Vector2d late_px = late_us * *px_per_us;
+  return variance * Eigen::Matrix2d::Identity() + late_px * late_px.transpose();
 }
 
 }  // namespace
@@ -111,6 +132,15 @@ bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluat
                  &evaluated->fit);
 }
 
+void BlinkWandVerifier::TakeLight(int index, BlinkWand* wand) const {
+  const BlinkBlob& blob = seen_[static_cast<size_t>(index)];
+  wand->is_timed &= blob.is_timed;
+  wand->is_beside_gap |= blob.beside_gap;
+  if (!blob.touches_border) {
+    wand->answered_share = std::min(wand->answered_share, blob.answered_share);
+  }
+}
+
 MarkerObservation BlinkWandVerifier::Observe(const WandImageFit& fit, size_t k,
                                              int blob_index) const {
   MarkerObservation marker;
@@ -129,6 +159,7 @@ MarkerObservation BlinkWandVerifier::Observe(const WandImageFit& fit, size_t k,
   marker.covariance_px2 =
       (CentreVariance(blob) + untimed_px * untimed_px) * Eigen::Matrix2d::Identity() +
       off_px * off_px.transpose();
+  marker.covariance_px2 += CovarianceOfMissing(blob, track_.Velocity(k));
   for (const Blob& other : blobs_) {
     const Eigen::Vector2d away_px = other.centre_px - blob.centre_px;
     const double apart_px = away_px.norm();
@@ -202,7 +233,7 @@ BlinkWand BlinkWandVerifier::Choose() {
     marker.label_confidence = static_cast<float>(label_confidence);
     wand.blobs.push_back(blob);
     wand.times_us.push_back(seen_[static_cast<size_t>(blob)].time_us);
-    wand.is_timed &= seen_[static_cast<size_t>(blob)].is_timed;
+    TakeLight(blob, &wand);
     visible += marker.visible ? 1 : 0;
   }
   // All but one cut by the border: whose that one is cannot be checked.
@@ -325,7 +356,7 @@ BlinkWand BlinkWandVerifier::Follow() const {
     MarkerObservation& marker = wand.markers.emplace_back(Observe(fit, k, blob));
     marker.label_confidence = static_cast<float>(track_.label_confidence());
     wand.times_us.push_back(blob < 0 ? time_us : seen_[static_cast<size_t>(blob)].time_us);
-    if (blob >= 0) wand.is_timed &= seen_[static_cast<size_t>(blob)].is_timed;
+    if (blob >= 0) TakeLight(blob, &wand);
   }
   return wand;
 }
@@ -362,7 +393,7 @@ BlinkWand BlinkWandVerifier::Enter() const {
   wand.blobs.assign(3, -1);
   for (size_t i = 0; i < seen.size(); ++i) {
     wand.blobs[static_cast<size_t>(pair->markers[i])] = wholes[i];
-    wand.is_timed &= seen_[static_cast<size_t>(wholes[i])].is_timed;
+    TakeLight(wholes[i], &wand);
   }
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     MarkerObservation& marker = wand.markers.emplace_back(Observe(pair->fit, k, wand.blobs[k]));

@@ -21,7 +21,10 @@ struct BlinkWand {
   double confidence = 0;                    // 0 to 1, of the whole wand
   int blob_count = 0;
   std::vector<int> blobs;  // by marker, of the verifier; -1: not seen
-  bool is_timed = false;   // with kWand: all its blobs are (BlinkBlob::is_timed)
+  // With kWand: one of its blobs is beside a gap; the least share of its whole blobs (BlinkBlob).
+  bool is_beside_gap = false;
+  double answered_share = 1;
+  bool is_timed = false;  // with kWand: all its blobs are (BlinkBlob::is_timed)
 };
 
 // Chooses the wand among blobs that blink at its frequency: the candidate of WandFinder whose pose
@@ -71,6 +74,8 @@ class BlinkWandVerifier {
   };
   void TakeBlobs(const std::vector<BlinkBlob>& blobs);
   bool Refit(const WandCandidate& candidate, Evaluated* evaluated) const;
+  // What is known of the wand by the light of one of its blobs.
+  void TakeLight(int blob, BlinkWand* wand) const;
   MarkerObservation Observe(const WandImageFit& fit, size_t marker, int blob) const;
   // From the whole wand's candidates.
   BlinkWand Choose();

@@ -21,6 +21,11 @@ struct BlinkBlob : Blob {
   // the rise), behind (-1, the fall). A pixel that the edge comes to needs a greater change of
   // light than one that it leaves.
   int ahead = 0;
+  // Of the pixels of its area, those that answered the light. Less than nearly all: the camera
+  // drops events, or pixels are in reset for longer than the light stays on or off.
+  double answered_share = 1;
+  // A part of the burst came while the sensor was silent (EventGaps).
+  bool beside_gap = false;
   bool is_timed = false;  // centre and time are those that FlashMeasurer has measured
 };
 

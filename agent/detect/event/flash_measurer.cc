@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/detect/event/flash_measurer.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -39,6 +40,9 @@ constexpr double kOneSwitchShare = 0.2;
 // The same by the rise of pixels that answer the fall, too, but so late that it is not measured.
 constexpr double kLateFallShare = 0.1;
 
+// At the rim pixels answer by chance.
+constexpr double kLooseRimPx = 1;
+
 struct PixelBox {
   int min_x = std::numeric_limits<int>::max(), min_y = std::numeric_limits<int>::max();
   int max_x = -1, max_y = -1;
@@ -47,6 +51,7 @@ struct PixelBox {
     min_x = std::min(min_x, x), max_x = std::max(max_x, x);
     min_y = std::min(min_y, y), max_y = std::max(max_y, y);
   }
+  bool Has(int x, int y) const { return x >= min_x && x <= max_x && y >= min_y && y <= max_y; }
   int width() const { return max_x - min_x + 1; }
   int height() const { return max_y - min_y + 1; }
   size_t IndexOf(int x, int y) const {
@@ -54,6 +59,30 @@ struct PixelBox {
            static_cast<size_t>(x - min_x);
   }
 };
+
+// Of the pixels within the ellipse of these moments, but for its rim.
+template <typename Answered>
+double AnsweredShare(const Blob& shape, const Answered& answered) {
+  const Eigen::Matrix2d extent = shape.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;
+  const Eigen::Matrix2d inverse = extent.inverse();
+  const double limit = 4 * std::pow(std::max(0.5, 1 - kLooseRimPx / RadiusPx(shape)), 2);
+  int all = 0, lit = 0;
+  for (int y = shape.box.y; y < shape.box.y + shape.box.height; ++y) {
+    for (int x = shape.box.x; x < shape.box.x + shape.box.width; ++x) {
+      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - shape.centre_px;
+      if (d.dot(inverse * d) > limit) continue;
+      ++all;
+      lit += answered(x, y) ? 1 : 0;
+    }
+  }
+  return all > 0 ? static_cast<double>(lit) / all : 1;
+}
+
+// A part of the answers to this switch of the light.
+bool IsFlashInGap(const EventGaps& gaps, const BlinkLight& light, double switch_us) {
+  return gaps.Overlap(WrappedUs(switch_us - light.MarginUs()),
+                      WrappedUs(switch_us + light.AnswerUs() + light.MarginUs()));
+}
 
 // Its disc reaches beyond the border. That a pixel of its rim lies there says little: pixels answer
 // up to two pixels outside a sphere.
@@ -204,11 +233,14 @@ std::optional<FlashMeasurer::Flash> FlashMeasurer::MeasureFlash(const std::vecto
   Flash flash;
   flash.time_us = UpperMedian(&times_us_);
   flash.shape = MarkerShapeOf(&pixels_);
+  flash.answered_share = AnsweredShare(flash.shape, [&](int x, int y) {
+    return box.Has(x, y) && first_us_[box.IndexOf(x, y)] != kNone;
+  });
   return flash;
 }
 
-void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, BlinkLights* lights,
-                            std::vector<BlinkBlob>* blobs) {
+void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, const EventGaps& gaps,
+                            BlinkLights* lights, std::vector<BlinkBlob>* blobs) {
   if (recorder.events().empty()) return;
   Collect(recorder.events(), due_us, *blobs);
   const auto since_due = [due_us](int64_t time_us) {
@@ -228,6 +260,11 @@ void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, BlinkL
     if (!light) continue;
     blob.time_us = blob.burst_us + 0.5 * light->lit_us;
     const double on_us = SinceUs(due_us, light->LastOn(due_us));
+    if (IsFlashInGap(gaps, *light, due_us + on_us) ||
+        IsFlashInGap(gaps, *light, due_us + on_us + light->lit_us)) {
+      blob.beside_gap = true;
+      continue;
+    }
     const int least = std::max(min_pixels_, static_cast<int>(kLeastShare * blob.area_px));
     const auto rise = MeasureFlash(answers_[i], true, on_us, *light, least);
     const auto fall = MeasureFlash(answers_[i], false, on_us + light->lit_us, *light, least);
@@ -240,6 +277,7 @@ void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, BlinkL
     blob.burst_us = due_us + rise->time_us;
     blob.time_us = due_us + 0.5 * (rise->time_us + fall->time_us);
     blob.rise_to_fall_px = fall->shape.centre_px - rise->shape.centre_px;
+    blob.answered_share = 0.5 * (rise->answered_share + fall->answered_share);
     blob.is_timed = true;
     light->on_us = blob.burst_us;
     light->lit_us = fall->time_us - rise->time_us;
@@ -248,7 +286,7 @@ void FlashMeasurer::Measure(const FlashRecorder& recorder, double due_us, BlinkL
 }
 
 void FlashMeasurer::MeasureOneSwitch(const FlashRecorder& recorder, PixelAnswers answers,
-                                     double due_us, BlinkLights* lights,
+                                     double due_us, const EventGaps& gaps, BlinkLights* lights,
                                      std::vector<BlinkBlob>* blobs) {
   const bool on = answers != PixelAnswers::kFall;
   const double share = answers == PixelAnswers::kBoth ? kLateFallShare : kOneSwitchShare;
@@ -271,10 +309,15 @@ void FlashMeasurer::MeasureOneSwitch(const FlashRecorder& recorder, PixelAnswers
     if (const BlinkLight* const found = known.Find(blob.frequency, blob.burst_us)) {
       light = *found;
       const double switch_us = SinceUs(due_us, light.LastOn(due_us));
+      if (IsFlashInGap(gaps, light, due_us + switch_us)) {
+        blob.beside_gap = true;
+        continue;
+      }
       const int least = std::max(min_pixels_, static_cast<int>(kLeastShare * blob.area_px));
       const auto flash = MeasureFlash(answers_[i], on, switch_us, light, least);
       if (!flash) continue;
       static_cast<Blob&>(blob) = flash->shape;
+      blob.answered_share = flash->answered_share;
       blob.touches_border = IsCut(flash->shape, geometry_);
       blob.burst_us = light.on_us = due_us + flash->time_us;
       blob.time_us = shown_at(blob);

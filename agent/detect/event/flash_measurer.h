@@ -10,6 +10,7 @@
 #include "agent/detect/event/burst_measurer.h"
 #include "agent/detect/event/flash_recorder.h"
 #include "agent/detect/event/pixel_answers.h"
+#include "agent/event/event_gaps.h"
 
 namespace rigcal::agent {
 
@@ -33,16 +34,17 @@ class FlashMeasurer {
 
   // Gives the blobs the centre, area and time of the last burst of their light that is over at
   // `due_us`, where it was recorded. Lights that are not in `lights` yet are found where everything
-  // was recorded for two periods; times of those that are there are renewed.
-  void Measure(const FlashRecorder& recorder, double due_us, BlinkLights* lights,
-               std::vector<BlinkBlob>* blobs);
+  // was recorded for two periods; times of those that are there are renewed. A flash of which a
+  // part is in a gap is not measured (BlinkBlob::beside_gap).
+  void Measure(const FlashRecorder& recorder, double due_us, const EventGaps& gaps,
+               BlinkLights* lights, std::vector<BlinkBlob>* blobs);
   // The same where pixels answer one of the two switches; kBoth: the rise, and the fall not at
   // once. What displaces their area has no counterpart then that it could be weighed against: the
   // centre is that area's and the time that of the switch plus or minus what is usual. Which way
   // the rest of the displacement is, is BlinkBlob::ahead. Blobs are not timed
   // (BlinkBlob::is_timed).
   void MeasureOneSwitch(const FlashRecorder& recorder, PixelAnswers answers, double due_us,
-                        BlinkLights* lights, std::vector<BlinkBlob>* blobs);
+                        const EventGaps& gaps, BlinkLights* lights, std::vector<BlinkBlob>* blobs);
 
  private:
   struct Answer {
@@ -52,7 +54,8 @@ class FlashMeasurer {
   };
   struct Flash {
     Blob shape;
-    double time_us = 0;  // since due
+    double time_us = 0;         // since due
+    double answered_share = 1;  // BlinkBlob::answered_share
   };
   void Collect(std::span<const PackedEvent> events, double due_us,
                const std::vector<BlinkBlob>& blobs);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 
 namespace rigcal::agent {
 
@@ -9,6 +10,11 @@ namespace rigcal::agent {
 inline double SinceUs(double from_us, double to_us) {
   constexpr double kWrapUs = 4294967296.0;
   return std::remainder(to_us - from_us, kWrapUs);
+}
+
+// The lower 32 bits of a time, which may be negative.
+inline uint32_t WrappedUs(double time_us) {
+  return static_cast<uint32_t>(static_cast<int64_t>(std::llround(time_us)));
 }
 
 }  // namespace rigcal::agent

@@ -12,6 +12,7 @@ Experiment Detection();
 Experiment DetectionScore();
 Experiment DetectionValueExperiment();
 Experiment EventDetection();
+Experiment EventDisturbances();
 Experiment EventLatency();
 Experiment FitWandScore();
 

@@ -255,10 +255,11 @@ class Chain {
  public:
   Chain(EventRenderer* renderer, agent::BlinkFilter* filter, agent::BlinkWandDetector* detector,
         TextbookChain* textbook, agent::SensorGeometry geometry, EventRenderer* second,
-        std::vector<ShownWand> wands)
+        std::vector<ShownWand> wands, const testing::EventDisturbance& disturbance)
       : renderer_(renderer),
         second_(second),
         wands_(std::move(wands)),
+        disturber_(disturbance),
         filter_(filter),
         detector_(detector),
         textbook_(textbook),
@@ -273,6 +274,7 @@ class Chain {
       if (!status.ok()) return status;
       RIGCAL_RETURN_IF_ERROR(AddSecondWand(to_us));
       HideSphere();
+      disturber_.Apply(&events_);
       const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
       result->render_wall_s += took.count();
       result->events += events_.size();
@@ -325,6 +327,7 @@ class Chain {
   EventRenderer* renderer_;
   EventRenderer* second_;
   std::vector<ShownWand> wands_;
+  testing::EventDisturber disturber_;
   agent::BlinkFilter* filter_;
   agent::BlinkWandDetector* detector_;
   TextbookChain* textbook_;
@@ -351,6 +354,7 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
   auto filter = agent::BlinkFilter::Create(options.filter);
   agent::BlinkWandDetectorOptions wand_options;
   wand_options.output.rate_hz = options.output_hz;
+  wand_options.band_rel = options.band_rel;
   auto detector = agent::BlinkWandDetector::Create(wand_options, options.target, options.camera,
                                                    agent::EventFormat::kEvt3, false);
   for (const absl::Status& status : {renderer.status(), filter.status(), detector.status()}) {
@@ -395,8 +399,10 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
     textbook.emplace(options.filter.geometry, options.filter.blink_hz.front(),
                      options.filter.band_rel);
   }
+  testing::EventDisturbance disturbance = options.disturbance;
+  disturbance.seed = static_cast<uint32_t>(seed);
   Chain chain(&*renderer, &*filter, &*detector, textbook ? &*textbook : nullptr,
-              options.filter.geometry, second ? &*second : nullptr, wands);
+              options.filter.geometry, second ? &*second : nullptr, wands, disturbance);
   for (int k = 0; k < options.outputs; ++k) {
     const double now_s = options.warm_up_s + k / options.output_hz;
     const auto cells = std::llround(1e6 * now_s / EventRenderer::kCellUs);
@@ -415,6 +421,7 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
     if (1e-9 * static_cast<double>(detection.observation.time_ns) < options.warm_up_s) continue;
     VerifyWand(options, *renderer, wands, detection, &result.wands);
   }
+  result.counts = detector->counts();
   result.rendered_s = 1e-6 * static_cast<double>(renderer->time_us());
   return result;
 }

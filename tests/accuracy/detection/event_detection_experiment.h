@@ -7,11 +7,13 @@
 
 #include "absl/status/status.h"
 #include "agent/detect/event/blink_filter.h"
+#include "agent/detect/event/blink_wand_counts.h"
 #include "common/camera/camera_description.h"
 #include "common/simulation/events/event_render_options.h"
 #include "common/simulation/frames/frame_render_options.h"
 #include "common/target/target.h"
 #include "tests/accuracy/detection/random_wand_pose.h"
+#include "tests/testing/event_disturbance.h"
 
 namespace rigcal::accuracy {
 
@@ -33,7 +35,9 @@ struct EventDetectionOptions {
   bool at_border = false;
   // Another wand of the same frequency, LEDs of its own, crosses the first one's way.
   bool second_wand = false;
-  bool textbook = false;  // run TextbookChain too
+  testing::EventDisturbance disturbance;  // of the stream; its seed goes by the stream's
+  double band_rel = 0.15;                 // of the wand detector
+  bool textbook = false;                  // run TextbookChain too
   int streams = 20;
   double warm_up_s = 0.03;  // before the first output
   int outputs = 10;         // of each stream
@@ -79,6 +83,7 @@ struct EventWands {
 struct EventStreamResult {
   absl::Status status;
   EventWands wands;
+  agent::BlinkWandCounts counts;
   uint64_t events = 0;
   double rendered_s = 0, render_wall_s = 0;  // simulated, and the time it took
   std::vector<EventOutput> outputs;

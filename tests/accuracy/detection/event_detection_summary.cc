@@ -84,6 +84,8 @@ EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results) {
   }
   summary.mev_per_s = rendered_s > 0 ? 1e-6 * events / rendered_s : 0;
   summary.render_ratio = rendered_s > 0 ? wall_s / rendered_s : 0;
+  summary.wands = CentreErrorsOf(results, {});
+  summary.wand_latency_us = WandLatencyUs(results);
   if (centres.empty()) return summary;
   const double latency_s = speed_squares > 0 ? delay / speed_squares : 0;
   summary.latency_us = 1e6 * latency_s;
@@ -101,8 +103,6 @@ EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results) {
   summary.rms_px = std::sqrt(squares / (2 * count));
   summary.raw_rms_px = std::sqrt(raw_squares / (2 * count));
   if (summary.motion_centres > 0) summary.motion_bias_px = along / summary.motion_centres;
-  summary.wands = CentreErrorsOf(results, {});
-  summary.wand_latency_us = WandLatencyUs(results);
   return summary;
 }
 

@@ -28,6 +28,7 @@ using ::rigcal::testing::BlinkingWand;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
+using ::testing::ContainsRegex;
 using ::testing::ElementsAre;
 using ::testing::Field;
 using ::testing::HasSubstr;
@@ -217,6 +218,25 @@ TEST_F(EventObservationSourceTest, SaysThatPixelsAnswerOneSwitchOfTheLight) {
     const std::string expected = "pixels answer only the fall of the wand's light: it is off for";
     EXPECT_EQ(log.text().find(expected) != std::string::npos, falls_only) << log.text();
   }
+}
+
+TEST_F(EventObservationSourceTest, NamesTheBandThatLeavesLampsOut) {
+  const auto spec = ParseSourceSpec(
+      "sim:camera=1;events=1;duration=0.4;lux=300;bars=0;lamps=2;lamp_hz=480;speed=max");
+  ASSERT_THAT(spec, IsOk());
+  auto source = (*spec)->Create();
+  ASSERT_THAT(source, IsOk());
+  const WarningText log;
+  ASSERT_THAT((*source)->Start(*ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500")), IsOk());
+  while (true) {
+    const auto next = (*source)->Next();
+    ASSERT_THAT(next, IsOk());
+    if (!*next) break;
+    EXPECT_EQ((*next)->VisibleCount(), 0);
+  }
+  EXPECT_THAT(log.text(), ContainsRegex("camera sim_1: lights of about 48[0-9] Hz"));
+  EXPECT_THAT(log.text(), ContainsRegex("Add band=0.0(18|19|2|20|21|22) "));
+  EXPECT_EQ(log.text().find("more than one wand"), std::string::npos) << log.text();
 }
 
 TEST_F(EventObservationSourceTest, LongTimesOfTheSensorDoNotMatter) {

@@ -6,7 +6,7 @@ find_package(Protobuf REQUIRED) # module mode: Debian ships no CONFIG package fo
 find_package(gRPC CONFIG REQUIRED)
 find_package(Eigen3 CONFIG REQUIRED)
 find_package(Ceres CONFIG REQUIRED)
-find_package(OpenCV CONFIG REQUIRED COMPONENTS core calib3d imgproc imgcodecs videoio features2d aruco)
+find_package(OpenCV CONFIG REQUIRED COMPONENTS core calib3d imgproc imgcodecs videoio features2d aruco video)
 find_package(spdlog CONFIG REQUIRED)
 find_package(tomlplusplus CONFIG REQUIRED)
 find_package(yaml-cpp CONFIG REQUIRED)

@@ -2,7 +2,6 @@
 #include "client/local/local_plan.h"
 
 #include <algorithm>
-#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -37,7 +36,7 @@ absl::StatusOr<fs::path> ReachableFolder(const fs::path& folder, const fs::path&
   return link;
 }
 
-std::string_view SourceOf(RecordingKind kind) {
+const char* SourceOf(RecordingKind kind) {
   switch (kind) {
     case RecordingKind::kMarkers:
       return "csv";

@@ -155,6 +155,7 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.StreamKey.camera", .bytes = kName},
     {.field = "rigcal.v1.StreamKey.session_id", .bytes = kName},
     {.field = "rigcal.v1.Target.blink_hz", .count = 64},
+    {.field = "rigcal.v1.Target.board", .bytes = kWord},
     {.field = "rigcal.v1.Target.marker_positions_m", .count = 64},
     {.field = "rigcal.v1.Target.points", .count = 256},
     {.field = "rigcal.v1.TargetPoint.label", .bytes = kWord},

@@ -7,6 +7,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -23,6 +24,8 @@ namespace {
 constexpr double kWindowShare = 0.4;  // n, of the distance to the nearest corner
 constexpr int kLeastWindowPx = 2;
 constexpr int kMostWindowPx = 8;
+// Images from this width on are searched at half the resolution first.
+constexpr int kLargeWidthPx = 1000;
 constexpr double kRoughSigmaPx = 0.2;  // one sigma of a corner that no model fits
 constexpr int kSubPixSteps = 50;
 constexpr double kSubPixStepPx = 1e-4;
@@ -82,18 +85,29 @@ Eigen::Vector2d CornerByGradients(const cv::Mat& grey, const Eigen::Vector2d& ro
   return (refined - rough).norm() < kMostSubPixMovePx ? refined : rough;
 }
 
-void RefineCorners(const Board& board, const cv::Mat& grey, SeenBoard* seen) {
+// n of the 2 n + 1 pixels that show the four squares at a corner alone.
+int WindowAt(const Board& board, const std::vector<Eigen::Vector2d>& pixels, int column, int row) {
+  return std::clamp(static_cast<int>(kWindowShare * NearestDistance(board, pixels, column, row)),
+                    kLeastWindowPx, kMostWindowPx);
+}
+
+bool IsInside(const cv::Mat& grey, const Eigen::Vector2d& pixel, int half) {
+  return pixel.x() >= half + 1 && pixel.y() >= half + 1 && pixel.x() <= grey.cols - half - 2 &&
+         pixel.y() <= grey.rows - half - 2;
+}
+
+// False: some of them are no corners of four squares, or too near to the border to tell.
+bool RefineCorners(const Board& board, const cv::Mat& grey, SeenBoard* seen) {
   const std::vector<Eigen::Vector2d> rough = seen->pixels;
   seen->sigmas_px.assign(rough.size(), kRoughSigmaPx);
+  bool are_all_fitted = true;
   for (int row = 0; row < board.rows; ++row) {
     for (int column = 0; column < board.columns; ++column) {
-      const int half =
-          std::clamp(static_cast<int>(kWindowShare * NearestDistance(board, rough, column, row)),
-                     kLeastWindowPx, kMostWindowPx);
+      const int half = WindowAt(board, rough, column, row);
       const auto i = static_cast<size_t>(row * board.columns + column);
       Eigen::Vector2d& pixel = seen->pixels[i];
-      if (pixel.x() < half + 1 || pixel.y() < half + 1 || pixel.x() > grey.cols - half - 2 ||
-          pixel.y() > grey.rows - half - 2) {
+      if (!IsInside(grey, pixel, half)) {
+        are_all_fitted = false;
         continue;
       }
       const auto corner = FitCorner(grey, pixel, DirectionAt(board, rough, column, row, true),
@@ -103,9 +117,11 @@ void RefineCorners(const Board& board, const cv::Mat& grey, SeenBoard* seen) {
         seen->sigmas_px[i] = corner->Sigma();
       } else {
         pixel = CornerByGradients(grey, pixel, half);
+        are_all_fitted = false;
       }
     }
   }
+  return are_all_fitted;
 }
 
 double BrightnessAt(const cv::Mat& grey, const Eigen::Vector2d& pixel) {
@@ -163,46 +179,118 @@ bool FindCircles(const Board& board, const cv::Mat& grey, const cv::Size& size,
          cv::findCirclesGrid(grey, size, *found, kind | cv::CALIB_CB_CLUSTERING, blobs);
 }
 
-// By the measured saddle of each corner; where that fails, of boards whose margin the border cuts
-// or that are blurred, by the outlines of the black squares, which find a little more.
-bool FindCorners(const cv::Mat& grey, const cv::Size& size, std::vector<cv::Point2f>* found) {
-  return cv::findChessboardCornersSB(grey, size, *found, cv::CALIB_CB_NORMALIZE_IMAGE) ||
-         cv::findChessboardCorners(
-             grey, size, *found,
-             cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK);
+// The corners of a checker to a pixel or so. First by the outlines of the black squares
+// (findChessboardCorners), which finds boards that are cut by the border or blurred and is quick at
+// half the resolution; without its equalised histogram, which takes noise for squares, minutes
+// long. Then by the saddles of the corners (findChessboardCornersSB, Duda and Frese 2018), at half
+// the resolution and, where there is `time`, in full.
+bool FindCorners(const Board& board, const cv::Mat& grey, BoardSearch time,
+                 std::vector<Eigen::Vector2d>* pixels) {
+  const cv::Size size(board.columns, board.rows);
+  const bool is_large = grey.cols >= kLargeWidthPx;
+  cv::Mat small = grey;
+  if (is_large) cv::resize(grey, small, {}, 0.5, 0.5, cv::INTER_AREA);
+  std::vector<cv::Point2f> found;
+  const bool by_squares = cv::findChessboardCorners(
+      small, size, found, cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_FAST_CHECK);
+  if (!by_squares &&
+      !cv::findChessboardCornersSB(small, size, found, cv::CALIB_CB_NORMALIZE_IMAGE)) {
+    if (!is_large || time == BoardSearch::kQuick ||
+        !cv::findChessboardCornersSB(grey, size, found, cv::CALIB_CB_NORMALIZE_IMAGE)) {
+      return false;
+    }
+    small = grey;
+  }
+  if (found.size() != static_cast<size_t>(board.point_count())) return false;
+  pixels->clear();
+  for (const cv::Point2f& point : found) pixels->emplace_back(point.x, point.y);
+  if (by_squares) {
+    const std::vector<Eigen::Vector2d> rough = *pixels;
+    for (int i = 0; i < board.point_count(); ++i) {
+      const int half = WindowAt(board, rough, i % board.columns, i / board.columns);
+      Eigen::Vector2d& pixel = (*pixels)[static_cast<size_t>(i)];
+      if (IsInside(small, pixel, half)) pixel = CornerByGradients(small, pixel, half);
+    }
+  }
+  if (small.cols != grey.cols) {
+    for (Eigen::Vector2d& pixel : *pixels) pixel = 2 * pixel + Eigen::Vector2d(0.5, 0.5);
+  }
+  return true;
 }
 
-std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey) {
-  const cv::Size size(board.columns, board.rows);
+bool AllFinite(const SeenBoard& seen) {
+  return std::all_of(seen.pixels.begin(), seen.pixels.end(),
+                     [](const Eigen::Vector2d& pixel) { return pixel.allFinite(); });
+}
+
+std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey, BoardSearch time) {
   if (board.HasMarkers()) return FindMarkerBoard(board, grey);
-  const bool is_checker = board.kind == BoardKind::kChecker;
-  std::vector<cv::Point2f> found;
-  const bool is_found =
-      is_checker ? FindCorners(grey, size, &found) : FindCircles(board, grey, size, &found);
-  if (!is_found || found.size() != static_cast<size_t>(board.point_count())) return std::nullopt;
   SeenBoard seen;
-  for (const cv::Point2f& point : found) seen.pixels.emplace_back(point.x, point.y);
-  OrderBoard(board, grey, &seen.pixels);
-  if (is_checker) {
+  if (board.kind == BoardKind::kChecker) {
+    if (!FindCorners(board, grey, time, &seen.pixels)) return std::nullopt;
+    OrderBoard(board, grey, &seen.pixels);
     RefineCorners(board, grey, &seen);
     seen.edge_width_px = MedianEdgeWidth(board, grey, seen.pixels);
   } else {
+    std::vector<cv::Point2f> found;
+    if (!FindCircles(board, grey, cv::Size(board.columns, board.rows), &found) ||
+        found.size() != static_cast<size_t>(board.point_count())) {
+      return std::nullopt;
+    }
+    for (const cv::Point2f& point : found) seen.pixels.emplace_back(point.x, point.y);
+    OrderBoard(board, grey, &seen.pixels);
     RefineCircles(board, grey, &seen.pixels);
   }
-  for (const Eigen::Vector2d& pixel : seen.pixels) {
-    if (!pixel.allFinite()) return std::nullopt;
+  if (!AllFinite(seen)) return std::nullopt;
+  return seen;
+}
+
+// Where the corners of the last image went, by the flow of the image, each proved by a fit.
+std::optional<SeenBoard> Follow(const Board& board, const cv::Mat& last,
+                                const std::vector<Eigen::Vector2d>& last_px, const cv::Mat& grey) {
+  std::vector<cv::Point2f> from, to;
+  for (const Eigen::Vector2d& pixel : last_px) {
+    from.emplace_back(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()));
   }
+  std::vector<uint8_t> is_found;
+  cv::calcOpticalFlowPyrLK(last, grey, from, to, is_found, cv::noArray(), cv::Size(15, 15));
+  SeenBoard seen;
+  for (size_t i = 0; i < to.size(); ++i) {
+    if (is_found[i] == 0) return std::nullopt;
+    seen.pixels.emplace_back(to[i].x, to[i].y);
+  }
+  if (!RefineCorners(board, grey, &seen) || !AllFinite(seen)) return std::nullopt;
+  // A board that has slipped by a square is the other way round.
+  std::vector<Eigen::Vector2d> ordered = seen.pixels;
+  OrderBoard(board, grey, &ordered);
+  if (ordered != seen.pixels) return std::nullopt;
+  seen.edge_width_px = MedianEdgeWidth(board, grey, seen.pixels);
   return seen;
 }
 
 }  // namespace
 
-absl::StatusOr<std::optional<SeenBoard>> FindBoard(const Board& board, const ImageView& image) {
+absl::StatusOr<std::optional<SeenBoard>> FindBoard(const Board& board, const ImageView& image,
+                                                   BoardSearch time) {
   try {
-    return Find(board, GreyOf(image));
+    return Find(board, GreyOf(image), time);
   } catch (const std::exception& exception) {
     return absl::InternalError(
         absl::StrCat("OpenCV cannot search a picture for the board: ", exception.what()));
+  }
+}
+
+absl::StatusOr<std::optional<SeenBoard>> FollowBoard(const Board& board, const ImageView& last,
+                                                     const std::vector<Eigen::Vector2d>& last_px,
+                                                     const ImageView& image) {
+  if (board.kind != BoardKind::kChecker || last.width != image.width ||
+      last.height != image.height || last_px.size() != static_cast<size_t>(board.point_count())) {
+    return std::nullopt;
+  }
+  try {
+    return Follow(board, GreyOf(last), last_px, GreyOf(image));
+  } catch (const std::exception& exception) {
+    return absl::InternalError(absl::StrCat("OpenCV cannot follow the board: ", exception.what()));
   }
 }
 

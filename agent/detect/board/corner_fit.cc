@@ -16,10 +16,10 @@ constexpr double kStartBlurPx = 0.8;
 // A blur below that of one pixel is a corner that fell between pixels; one above the window's is
 // none of a corner.
 constexpr double kLeastBlurPx = 0.25, kMostBlurOfWindow = 0.7;
-constexpr double kMostMovePx = 1.5;     // further away it is another corner
-constexpr double kMostTurn = 0.3;       // radians, of an edge from where it was told
-constexpr double kLeastContrast = 5;    // grey levels, of the two kinds of squares
-constexpr double kMostResidual = 0.35;  // of half the contrast
+constexpr double kMostMovePx = 1.5;         // further away it is another corner
+constexpr double kMostTurn = 0.3;           // radians, of an edge from where it was told
+constexpr double kLeastCornerContrast = 5;  // grey levels, of the two kinds of squares
+constexpr double kMostResidual = 0.35;      // of half the contrast
 // One sigma of the window's Gaussian weights, of its half width: the lens bends edges far away.
 constexpr double kWeightShare = 0.6;
 
@@ -129,7 +129,7 @@ std::optional<FittedCorner> FitCorner(const cv::Mat& grey, const Eigen::Vector2d
   const double residual = std::sqrt(sums.cost / sums.weights);
   const double turned = std::max(std::abs(p[2] - start[2]), std::abs(p[3] - start[3]));
   if (!converged || (centre_px - start_px).norm() > kMostMovePx || turned > kMostTurn ||
-      2 * gain < kLeastContrast || residual > kMostResidual * gain) {
+      2 * gain < kLeastCornerContrast || residual > kMostResidual * gain) {
     return std::nullopt;
   }
   FittedCorner corner;

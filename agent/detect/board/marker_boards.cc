@@ -19,16 +19,19 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kAprilBorderBits = 2;
+// The corners of ChArUco's markers, whole pixels by themselves, are refined in so small a window
+// that it shows nothing else.
+constexpr int kMarkerCornerPx = 3;
 constexpr size_t kLeastTags = 4;  // kalibr's rule
 constexpr int kLeastCorners = 6;
 // A window that shows the four squares at a corner alone: of the width of the narrowest of them.
-constexpr double kWindowShare = 0.45, kInsetShare = 0.9;
-constexpr int kLeastWindowPx = 2, kMostWindowPx = 8;
+constexpr double kGapShare = 0.45, kInsetShare = 0.9;
+constexpr int kLeastMarkerWindowPx = 2, kMostMarkerWindowPx = 8;
 // OpenCV's corners of tags are up to 3 px off; windows from 4 px on lead to the right one.
 constexpr int kRoughWindowPx = 4;
 constexpr double kMostRoughMovePx = 5;
 // Two markers agree about a corner between them within a pixel, or this share of a square.
-constexpr double kAgreePx = 1, kAgreeShare = 0.06;
+constexpr double kAgreePx = 1, kAgreeShare = 0.1;
 
 struct Marker {
   std::array<Eigen::Vector2d, 4> pixels;  // upper left, upper right, lower right, lower left
@@ -37,7 +40,12 @@ using Markers = std::map<int, Marker>;
 
 Markers DetectMarkers(const Board& board, const cv::Mat& grey) {
   auto parameters = cv::aruco::DetectorParameters::create();
-  if (board.kind == BoardKind::kAprilGrid) parameters->markerBorderBits = kAprilBorderBits;
+  if (board.kind == BoardKind::kAprilGrid) {
+    parameters->markerBorderBits = kAprilBorderBits;
+  } else {
+    parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_SUBPIX;
+    parameters->cornerRefinementWinSize = kMarkerCornerPx;
+  }
   std::vector<std::vector<cv::Point2f>> corners;
   std::vector<int> ids;
   cv::aruco::detectMarkers(grey, cv::aruco::getPredefinedDictionary(DictionaryOf(board)), corners,
@@ -79,7 +87,7 @@ class Plane {
 };
 
 int WindowFor(double width_px, double share) {
-  return std::clamp(static_cast<int>(share * width_px), kLeastWindowPx, kMostWindowPx);
+  return std::clamp(static_cast<int>(share * width_px), kLeastMarkerWindowPx, kMostMarkerWindowPx);
 }
 
 SeenBoard Unseen(const Board& board) {
@@ -140,7 +148,7 @@ SeenBoard AprilCorners(const Board& board, const cv::Mat& grey, const Markers& m
       const Eigen::Vector2d down =
           marker.pixels[is_right ? 2 : 3] - marker.pixels[is_right ? 1 : 0];
       const double gap_px = board.gap_share * std::min(along.norm(), down.norm());
-      const int half = WindowFor(gap_px, kWindowShare);
+      const int half = WindowFor(gap_px, kGapShare);
       const auto corner = FitCorner(grey, NearCorner(grey, here, std::max(kRoughWindowPx, half)),
                                     along, down, half);
       if (!corner) continue;

@@ -23,9 +23,7 @@ namespace {
 
 // Around a board, of its size: room for its margin and for a motion that changes.
 constexpr double kRoomShare = 0.2;
-// Images from this width on are searched at half the resolution first.
-constexpr int kLargeWidthPx = 1000;
-// A board that is too small for that is looked for at full resolution in every so-many-th image.
+// A board that is too small for a quick search is looked for in every so-many-th image.
 constexpr int kImagesPerFullSearch = 4;
 // One sigma of a circle that noise does not explain: it is round in the image only from the front.
 constexpr double kCircleFloorPx = 0.02;
@@ -121,23 +119,34 @@ absl::StatusOr<std::optional<SeenBoard>> BoardFrameDetector::FindIn(const ImageV
 }
 
 absl::StatusOr<std::optional<SeenBoard>> BoardFrameDetector::Search(const ImageView& image) {
-  if (image.width < kLargeWidthPx) return FindIn(image, image.Bounds());
+  window_ = image.Bounds();
+  const bool is_thorough = missed_ % kImagesPerFullSearch == 0;
+  return FindBoard(board_, image, is_thorough ? BoardSearch::kThorough : BoardSearch::kQuick);
+}
+
+// In the next image.
+void BoardFrameDetector::Keep(const ImageView& image, const std::vector<Eigen::Vector2d>& pixels) {
+  last_px_ = pixels;
+  if (board_.kind != BoardKind::kChecker) return;
   const int type = image.format == PixelFormat::kMono8 ? CV_8UC1 : CV_8UC3;
   // OpenCV does not write through it.
-  const cv::Mat whole(image.height, image.width, type, const_cast<uint8_t*>(image.data),
-                      static_cast<size_t>(image.stride_bytes));
-  cv::Mat half;
-  cv::resize(whole, half, {}, 0.5, 0.5, cv::INTER_AREA);
-  const ImageView view{half.data, half.cols, half.rows, static_cast<ptrdiff_t>(half.step),
-                       image.format};
-  RIGCAL_ASSIGN_OR_RETURN(std::optional<SeenBoard> coarse, FindBoard(board_, view));
-  if (coarse) {
-    for (Eigen::Vector2d& pixel : coarse->pixels) pixel = 2 * pixel + Eigen::Vector2d(0.5, 0.5);
-    return FindIn(image, BoxOf(coarse->pixels, image.Bounds(), 0));
+  const cv::Mat view(image.height, image.width, type, const_cast<uint8_t*>(image.data),
+                     static_cast<size_t>(image.stride_bytes));
+  if (image.format == PixelFormat::kMono8) {
+    view.copyTo(last_grey_);
+  } else {
+    cv::cvtColor(view, last_grey_, cv::COLOR_BGR2GRAY);
   }
-  window_ = image.Bounds();
-  if (missed_ % kImagesPerFullSearch != 0) return std::nullopt;
-  return FindIn(image, image.Bounds());
+}
+
+absl::StatusOr<std::optional<SeenBoard>> BoardFrameDetector::FollowIn(const ImageView& image,
+                                                                      const PixelRect& part) {
+  if (board_.kind != BoardKind::kChecker) return FindIn(image, part);
+  window_ = part;
+  return FollowBoard(board_,
+                     {last_grey_.data, last_grey_.cols, last_grey_.rows,
+                      static_cast<ptrdiff_t>(last_grey_.step), PixelFormat::kMono8},
+                     last_px_, image);
 }
 
 ImageView BoardFrameDetector::WithoutIgnored(const ImageView& image) {
@@ -198,7 +207,7 @@ absl::StatusOr<Detection> BoardFrameDetector::Detect(const ImageView& image, int
   const ImageView searched = WithoutIgnored(image);
   std::optional<SeenBoard> seen;
   if (const auto part = Expected(image.Bounds(), clock_epoch)) {
-    RIGCAL_ASSIGN_OR_RETURN(seen, FindIn(searched, *part));
+    RIGCAL_ASSIGN_OR_RETURN(seen, FollowIn(searched, *part));
     detection.tracked = seen.has_value();
   }
   if (!seen) {
@@ -223,7 +232,7 @@ absl::StatusOr<Detection> BoardFrameDetector::Detect(const ImageView& image, int
     ++both;
   }
   moved_px_ /= std::max(1, both);
-  last_px_ = seen->pixels;
+  Keep(searched, seen->pixels);
   epoch_ = clock_epoch;
   detection.outcome = DetectionOutcome::kWand;
   detection.confidence = 1;

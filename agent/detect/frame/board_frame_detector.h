@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
 
@@ -13,8 +14,8 @@
 namespace rigcal::agent {
 
 // Finds a printed board in the images of one camera: marker m is point m of Board::Points(). A
-// board that is followed is looked for around where it was; large images are searched at half the
-// resolution first. A whole board is found or none. Movable; one thread at a time.
+// checker that is followed moves with the image, another board is looked for around where it was. A
+// whole board is found or none. Movable; one thread at a time.
 class BoardFrameDetector : public FrameDetector {
  public:
   // INVALID_ARGUMENT: target or camera not valid; names the camera.
@@ -35,7 +36,9 @@ class BoardFrameDetector : public FrameDetector {
   // Where the board may be now: around where it was, as far as it may have moved.
   std::optional<PixelRect> Expected(const PixelRect& bounds, uint32_t clock_epoch) const;
   absl::StatusOr<std::optional<SeenBoard>> FindIn(const ImageView& image, const PixelRect& part);
+  absl::StatusOr<std::optional<SeenBoard>> FollowIn(const ImageView& image, const PixelRect& part);
   absl::StatusOr<std::optional<SeenBoard>> Search(const ImageView& image);
+  void Keep(const ImageView& image, const std::vector<Eigen::Vector2d>& pixels);
   ImageView WithoutIgnored(const ImageView& image);
   // Moves the images of circles to those of their centres, where the lens is known.
   void CorrectCircles(std::vector<Eigen::Vector2d>* pixels) const;
@@ -47,6 +50,7 @@ class BoardFrameDetector : public FrameDetector {
   PixelRect window_;
   std::vector<uint8_t> unmasked_;                       // the image without what is ignored
   std::vector<Eigen::Vector2d> last_px_;                // of the last image; empty: not found there
+  cv::Mat last_grey_;                                   // that image, of a checker
   Eigen::Vector2d moved_px_ = Eigen::Vector2d::Zero();  // from the image before to the last one
   uint32_t epoch_ = 0;
   int missed_ = 0;  // images in a row

@@ -27,6 +27,7 @@ std::vector<Experiment> AllExperiments() {
           DetectionValueExperiment(),
           FitWandScore(),
           AmbientLight(),
+          Boards(),
           EventDetection(),
           EventDisturbances(),
           EventLatency(),

@@ -26,7 +26,8 @@ constexpr int kLeastWindowPx = 2;
 constexpr int kMostWindowPx = 8;
 // Images from this width on are searched at half the resolution first.
 constexpr int kLargeWidthPx = 1000;
-constexpr double kRoughSigmaPx = 0.2;  // one sigma of a corner that no model fits
+constexpr double kLeastCornersShare = 0.6;  // of a checker that is found, those that fit
+constexpr double kRoughSigmaPx = 0.2;       // one sigma of a corner that no model fits
 constexpr int kSubPixSteps = 50;
 constexpr double kSubPixStepPx = 1e-4;
 constexpr double kMostSubPixMovePx = 1.5;  // more: it ran away to something else
@@ -96,7 +97,8 @@ bool IsInside(const cv::Mat& grey, const Eigen::Vector2d& pixel, int half) {
          pixel.y() <= grey.rows - half - 2;
 }
 
-// False: some of them are no corners of four squares, or too near to the border to tell.
+// Those that are no corners of four squares are not seen. False: some are not, or are too near to
+// the border to tell.
 bool RefineCorners(const Board& board, const cv::Mat& grey, SeenBoard* seen) {
   const std::vector<Eigen::Vector2d> rough = seen->pixels;
   seen->sigmas_px.assign(rough.size(), kRoughSigmaPx);
@@ -116,7 +118,7 @@ bool RefineCorners(const Board& board, const cv::Mat& grey, SeenBoard* seen) {
         pixel = corner->centre_px;
         seen->sigmas_px[i] = corner->Sigma();
       } else {
-        pixel = CornerByGradients(grey, pixel, half);
+        pixel.setConstant(std::numeric_limits<double>::quiet_NaN());
         are_all_fitted = false;
       }
     }
@@ -229,8 +231,13 @@ std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey, BoardSear
   if (board.kind == BoardKind::kChecker) {
     if (!FindCorners(board, grey, time, &seen.pixels)) return std::nullopt;
     OrderBoard(board, grey, &seen.pixels);
-    RefineCorners(board, grey, &seen);
     seen.edge_width_px = MedianEdgeWidth(board, grey, seen.pixels);
+    RefineCorners(board, grey, &seen);
+    const auto count =
+        std::count_if(seen.pixels.begin(), seen.pixels.end(),
+                      [](const Eigen::Vector2d& pixel) { return pixel.allFinite(); });
+    if (static_cast<double>(count) < kLeastCornersShare * board.point_count()) return std::nullopt;
+    return seen;
   } else {
     std::vector<cv::Point2f> found;
     if (!FindCircles(board, grey, cv::Size(board.columns, board.rows), &found) ||

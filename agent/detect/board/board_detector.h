@@ -13,7 +13,8 @@
 namespace rigcal::agent {
 
 // A board in a picture: for each point of Board::Points(), by index, the pixel that shows it; not a
-// number where a point of a board with markers is not seen. The centre of the first pixel is (0,
+// number where a point is not seen: of a board with markers, or a corner of a checker that is no
+// corner (blurred, covered). The centre of the first pixel is (0,
 // 0). The order is that of a board seen from its front, never mirrored; where a checker has no
 // twin, the square between points (0, 0) and (1, 1) is black; where it has one, point 0 is the one
 // of the two that is nearer to the picture's upper left.

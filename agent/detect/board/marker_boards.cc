@@ -10,6 +10,7 @@
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 #include <vector>
 
 #include "agent/detect/board/corner_fit.h"
@@ -31,6 +32,12 @@ constexpr int kLeastMarkerWindowPx = 2, kMostMarkerWindowPx = 8;
 constexpr int kRoughWindowPx = 4;
 constexpr double kMostRoughMovePx = 5;
 // Two markers agree about a corner between them within a pixel, or this share of a square.
+// From which a missing point is told.
+constexpr size_t kLeastNeighbours = 6, kMostNeighbours = 8;
+constexpr int kCompletions = 12;
+// The nearest of them is so many squares or tags away, the others not much further (a ratio of
+// squared distances), and a plane explains them to so many pixels.
+constexpr double kReach = 1.05, kFarReach = 6, kPlaneErrorPx = 0.7;
 constexpr double kAgreePx = 1, kAgreeShare = 0.1;
 
 struct Marker {
@@ -206,6 +213,64 @@ SeenBoard CharucoCorners(const Board& board, const cv::Mat& grey, const Markers&
   return seen;
 }
 
+bool Explains(const Plane& plane, const std::vector<cv::Point2d>& metres,
+              const std::vector<cv::Point2d>& pixels) {
+  for (size_t i = 0; i < metres.size(); ++i) {
+    const Eigen::Vector2d at = plane.At(metres[i].x, metres[i].y);
+    if (!((at - Eigen::Vector2d(pixels[i].x, pixels[i].y)).norm() < kPlaneErrorPx)) return false;
+  }
+  return true;
+}
+
+// Points that were not found beside markers of their own: where their nearest neighbours say that
+// they are, and a fit proves it.
+void Complete(const Board& board, const cv::Mat& grey, SeenBoard* seen) {
+  const std::vector<Eigen::Vector3d> points = board.Points();
+  const bool is_april = board.kind == BoardKind::kAprilGrid;
+  // What the window may show on each side of a corner, metres.
+  const double free_m =
+      is_april ? board.gap_share * board.spacing_m : 0.5 * (board.spacing_m - board.marker_m);
+  const double share = is_april ? kGapShare : kInsetShare;
+  const double reach_m2 = std::pow(kReach * board.spacing_m, 2);
+  for (int round = 0; round < kCompletions; ++round) {
+    const SeenBoard known = *seen;
+    bool has_more = false;
+    for (size_t i = 0; i < points.size(); ++i) {
+      if (known.Sees(i)) continue;
+      std::vector<std::pair<double, size_t>> near;
+      for (size_t k = 0; k < points.size(); ++k) {
+        if (known.Sees(k)) near.emplace_back((points[k] - points[i]).squaredNorm(), k);
+      }
+      if (near.size() < kLeastNeighbours) return;
+      const auto count = std::min(kMostNeighbours, near.size());
+      std::partial_sort(near.begin(), near.begin() + static_cast<ptrdiff_t>(count), near.end());
+      std::vector<cv::Point2d> metres, pixels;
+      for (size_t n = 0; n < count; ++n) {
+        const size_t k = near[n].second;
+        metres.emplace_back(points[k].x(), points[k].y());
+        pixels.emplace_back(known.pixels[k].x(), known.pixels[k].y());
+      }
+      // Only beside what is known: a lens bends the plane further away.
+      if (near[0].first > reach_m2 || near[kLeastNeighbours - 1].first > kFarReach * reach_m2) {
+        continue;
+      }
+      const Plane plane(metres, pixels);
+      if (!plane.is_valid() || !Explains(plane, metres, pixels)) continue;
+      const double x_m = points[i].x(), y_m = points[i].y();
+      const Eigen::Vector2d at = plane.At(x_m, y_m);
+      const Eigen::Vector2d along = plane.At(x_m + free_m, y_m) - at;
+      const Eigen::Vector2d down = plane.At(x_m, y_m + free_m) - at;
+      if (!at.allFinite() || !along.allFinite() || !down.allFinite()) continue;
+      const int half = WindowFor(std::min(along.norm(), down.norm()), share);
+      const auto corner = FitCorner(grey, at, along, down, half);
+      if (!corner) continue;
+      Add(*corner, i, seen);
+      has_more = true;
+    }
+    if (!has_more) return;
+  }
+}
+
 ptrdiff_t CountSeen(const SeenBoard& seen) {
   return std::count_if(seen.pixels.begin(), seen.pixels.end(),
                        [](const Eigen::Vector2d& pixel) { return pixel.allFinite(); });
@@ -225,6 +290,7 @@ std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey
     if (CountSeen(legacy) > CountSeen(seen)) seen = std::move(legacy);
   }
   if (!IsEnough(board, seen)) return std::nullopt;
+  Complete(board, grey, &seen);
   return seen;
 }
 

@@ -8,6 +8,7 @@ namespace rigcal::accuracy {
 // The detectors on rendered frames and on rendered event streams.
 Experiment AmbientLight();
 Experiment BlinkFrequency();
+Experiment Boards();
 Experiment Detection();
 Experiment DetectionScore();
 Experiment DetectionValueExperiment();

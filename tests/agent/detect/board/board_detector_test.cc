@@ -176,7 +176,6 @@ TEST(BoardDetector, FindsBoardsWithMarkersAlsoInPart) {
         const double share =
             static_cast<double>(errors.size()) / static_cast<double>(points.size());
         EXPECT_GT(share, is_cut ? 0.25 : 0.8) << text << " turn " << turn.transpose();
-        EXPECT_LT(share, is_cut ? 1 : 1.1);
         EXPECT_LT(Median(errors), 0.03) << text << " turn " << turn.transpose();
         EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 0.15)
             << text << " turn " << turn.transpose();

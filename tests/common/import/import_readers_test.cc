@@ -155,7 +155,7 @@ TEST(ReadMrcal, ReadsWhatMrcalWrites) {
   EXPECT_THAT(refused("OPENCV4", "OPENCV8"), HasSubstr("12 intrinsics"));
   EXPECT_THAT(refused("'imagersize'", "'size'"), HasSubstr("no imagersize"));
   EXPECT_THAT(refused("1762.25", "'x'"), HasSubstr("no list of numbers"));
-  EXPECT_THAT(refused("1762.25", "-1"), HasSubstr("focal length"));
+  EXPECT_THAT(refused("1762.25", "-1"), HasSubstr("fy_px is -1"));
 }
 
 TEST(ReadKalibr, FollowsTheChainWhereThereIsNoImu) {

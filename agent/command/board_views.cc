@@ -46,9 +46,20 @@ double FurthestMove(const BoardView& a, const BoardView& b) {
 std::string CountsOf(const Board& board) { return absl::StrCat(board.columns, "x", board.rows); }
 
 absl::Status NoBoard(const Board& board, int looked_at, const std::vector<cv::Mat>& pictures) {
+  if (board.HasMarkers()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "no ", FormatBoard(board), " in ", looked_at,
+        " pictures: are the counts (of squares, or of tags), the sides and the dictionary those of "
+        "the print, are its markers sharp and 15 pixels wide or more, and are the pictures not "
+        "mirrored? A part of the board is enough"));
+  }
   const std::string none =
       absl::StrCat("no ", CountsOf(board), " board in ", looked_at, " pictures");
-  const std::optional<CountsGuess> guess = GuessCounts(board, pictures);
+  std::optional<CountsGuess> guess = GuessCounts(board, pictures);
+  // Spots of anything make a few circles now and then.
+  if (guess && board.HasCircles() && 2 * static_cast<size_t>(guess->pictures) < pictures.size()) {
+    guess.reset();
+  }
   if (!guess) {
     return absl::FailedPreconditionError(absl::StrCat(
         none,

@@ -170,6 +170,10 @@ absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, uint
 // Each frame by itself: what is around a wand that moves is not learnt.
 absl::Status Explain(const DetectFlags& flags, const Target& target, const FrameSourceSpec& spec,
                      std::ostream& out) {
+  if (!target.IsLine()) {
+    return absl::InvalidArgumentError(
+        "--explain says how candidates for a wand were judged; a board has none");
+  }
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec.Make());
   RIGCAL_RETURN_IF_ERROR(frames->Start(target));
   const CameraDescription& camera = frames->description();
@@ -230,9 +234,12 @@ absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
 
 void AddDetectCommand(CLI::App& app, Subcommands* all) {
   const auto [command, flags] =
-      all->Add(app, "detect", "Finds the wand in an image, a folder or a video", &Detect);
+      all->Add(app, "detect", "Finds the wand or board in an image, a folder or a video", &Detect);
   AddFrameInput(command, &flags.input);
-  command.add_option("--target", flags.target, "wand:0,0.13,0.39;diameter=0.04;hz=500")->required();
+  command
+      .add_option("--target", flags.target,
+                  "wand:0,0.13,0.39;diameter=0.04;hz=500, or board:checker,9x6,0.03")
+      ->required();
   AddOutputOption(command, &flags.out, &flags.force,
                   "CSV for csv: (timestamp_ns;x0;y0;..., -1 = not seen), a line per frame");
   command.add_option("--annotate", flags.annotate,

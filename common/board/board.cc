@@ -9,10 +9,12 @@
 #include <numbers>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "common/text/shortest_text.h"
@@ -22,7 +24,8 @@ namespace {
 
 constexpr int kMinPointsOfSide = 3;
 constexpr int kMaxPointsOfSide = 60;
-constexpr int kMaxCount = 1000000;  // what can be doubled; Validate refuses it
+constexpr double kMostMarkerShare = 0.95;  // of a square
+constexpr int kMaxCount = 1000000;         // what can be doubled; Validate refuses it
 constexpr double kMinSpacingM = 0.0005;
 constexpr double kMaxSpacingM = 1;
 
@@ -45,6 +48,22 @@ constexpr const char* kDictionaries[] = {
     "5x5_250",       "5x5_1000",       "6x6_50",        "6x6_100",  "6x6_250",  "6x6_1000",
     "7x7_50",        "7x7_100",        "7x7_250",       "7x7_1000", "original", "apriltag_16h5",
     "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
+
+// How many markers a dictionary has; 0: there is none of that name.
+int MarkersOf(std::string_view name) {
+  if (name == "original") return 1024;
+  if (name == "apriltag_16h5") return 30;
+  if (name == "apriltag_25h9") return 35;
+  if (name == "apriltag_36h10") return 2320;
+  if (name == "apriltag_36h11") return 587;
+  int count = 0;
+  const size_t end = name.rfind('_');
+  if (end == std::string_view::npos ||
+      !absl::SimpleAtoi(std::string(name.substr(end + 1)), &count)) {
+    return 0;
+  }
+  return count;
+}
 
 // Counts as people give them: of a ChArUco board squares, of an April grid tags.
 int PointsOf(BoardKind kind, int count) {
@@ -124,8 +143,15 @@ absl::Status Board::Validate() const {
     faults.CheckRange("the spacing", spacing_m, kMinSpacingM, kMaxSpacingM, " m");
   }
   if (kind == BoardKind::kCharuco) {
-    if (!(marker_m > 0 && marker_m < spacing_m)) {
-      faults.Add("markers of ", marker_m, " m do not fit into squares of ", spacing_m, " m");
+    const int markers = (columns + 1) * (rows + 1) / 2;
+    const int most = MarkersOf(dictionary);
+    if (most > 0 && markers > most) {
+      faults.Add("the board has ", markers, " markers, and the dictionary ", dictionary, " has ",
+                 most);
+    }
+    if (!(marker_m > 0 && marker_m <= kMostMarkerShare * spacing_m)) {
+      faults.Add("markers of ", marker_m, " m do not fit into squares of ", spacing_m,
+                 " m with a white rim");
     }
     if (std::find(std::begin(kDictionaries), std::end(kDictionaries), dictionary) ==
         std::end(kDictionaries)) {
@@ -137,6 +163,10 @@ absl::Status Board::Validate() const {
   }
   if (kind == BoardKind::kAprilGrid) {
     faults.CheckRange("the gap over a tag's side", gap_share, 0.05, 1);
+    if (columns * rows / 4 > MarkersOf("apriltag_36h11")) {
+      faults.Add("the grid has ", columns * rows / 4, " tags, and there are ",
+                 MarkersOf("apriltag_36h11"));
+    }
     if (columns % 2 != 0 || rows % 2 != 0) faults.Add("each tag has two corners along each side");
   } else if (gap_share != 0) {
     faults.Add("only an April grid has gaps");
@@ -144,7 +174,7 @@ absl::Status Board::Validate() const {
   const double nearest_m = spacing_m * (kind == BoardKind::kCircles ? std::numbers::sqrt2 : 1);
   if (!HasCircles() && circle_diameter_m != 0) {
     faults.Add("only boards of circles have a diameter");
-  } else if (!(circle_diameter_m >= 0 && circle_diameter_m < nearest_m)) {
+  } else if (circle_diameter_m != 0 && !(circle_diameter_m > 0 && circle_diameter_m < nearest_m)) {
     faults.Add("the diameter of the circles is ", circle_diameter_m, " m, but they are ", nearest_m,
                " m apart");
   }
@@ -218,7 +248,10 @@ absl::StatusOr<Board> ParseBoard(std::string_view text) {
   if (parts.size() > 3 && !(absl::SimpleAtod(parts[3], fourth) && std::isfinite(*fourth))) {
     return BoardFault(text, absl::StrCat("\"", parts[3], "\" is no number"));
   }
-  if (parts.size() > 4) board.dictionary = parts[4];
+  // OpenCV's own spelling is DICT_5X5_100.
+  if (parts.size() > 4) {
+    board.dictionary = std::string(absl::StripPrefix(absl::AsciiStrToLower(parts[4]), "dict_"));
+  }
   const absl::Status valid = board.Validate();
   if (!valid.ok()) return BoardFault(text, std::string(valid.message()));
   return board;

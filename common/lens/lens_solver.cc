@@ -38,7 +38,8 @@ constexpr double kNeverTiltedDeg = 10;
 constexpr double kTiltedDeg = 25;  // of the third most tilted view; below: advice
 constexpr double kMostFocalSigma = 0.03;
 constexpr double kGoodFocalSigma = 0.003;
-constexpr double kGoodHalvesPx = 0.3;
+constexpr double kGoodHalvesPx = 0.3, kPoorHalvesPx = 5;
+constexpr double kPoorRmsPx = 0.6;
 constexpr double kGoodCoverage = 0.7;
 constexpr int kGoodViews = 20;
 constexpr int kBlindGrid = 21;
@@ -288,6 +289,19 @@ absl::Status CheckTilt(const LensSolution& solution, const std::vector<double>& 
 void AddAdvice(const ImageSize& image_size_px, const std::vector<BoardView>& used,
                std::vector<double> tilts_deg, LensSolution* solution) {
   std::vector<std::string>& advice = solution->advice;
+  if (solution->held_out_rms_px > kPoorRmsPx) {
+    advice.push_back(absl::StrFormat(
+        "corners are off by %.1f px, and usual is 0.05 to 0.5, so do not use this lens: were focus "
+        "and zoom the same in all pictures, is the board flat, and are its counts, sides and gaps "
+        "those of --board?",
+        solution->held_out_rms_px));
+  } else if (solution->halves && solution->halves->p95_px > kPoorHalvesPx) {
+    advice.push_back(absl::StrFormat(
+        "two halves of the views make lenses that are %.0f px apart at the border: use this lens "
+        "only in the middle of the image, or take more views; were focus and zoom the same in all "
+        "pictures?",
+        solution->halves->p95_px));
+  }
   for (const std::string& side : BareSides(used, image_size_px)) {
     advice.push_back(side + ": hold the board there, too");
   }
@@ -313,7 +327,8 @@ void AddAdvice(const ImageSize& image_size_px, const std::vector<BoardView>& use
   if (!solution->halves) {
     advice.push_back(
         "the lenses of two halves of the views have little in common: take more views");
-  } else if (solution->halves->p95_px > kGoodHalvesPx) {
+  } else if (solution->halves->p95_px > kGoodHalvesPx &&
+             solution->halves->p95_px <= kPoorHalvesPx) {
     advice.push_back(absl::StrFormat(
         "two halves of the views make lenses that differ by %.2f px: take more views, above all "
         "where the image is bare; is the board flat?",

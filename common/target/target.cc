@@ -168,6 +168,15 @@ absl::StatusOr<Target> ParseBoardTarget(const std::string& text, std::vector<std
     }
     parts->erase(given);
   }
+  if (!(sigma_m >= 0 && sigma_m <= kMaxPointSigmaM)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the flatness is ", sigma_m, " m, it must be 0 to ", kMaxPointSigmaM));
+  }
+  if (parts->size() > 1) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", absl::CHexEscape((*parts)[1].substr(0, 64)),
+                     "\" is no option of a board, which has flatness= alone"));
+  }
   return MakeBoardTarget(board, sigma_m);
 }
 

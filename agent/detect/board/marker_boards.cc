@@ -39,6 +39,8 @@ constexpr int kCompletions = 12;
 // squared distances), and a plane explains them to so many pixels.
 constexpr double kReach = 1.05, kFarReach = 6, kPlaneErrorPx = 0.7;
 constexpr double kAgreePx = 1, kAgreeShare = 0.1;
+// So many squares apart they are not where the board has them.
+constexpr double kElsewhereShare = 0.7;
 
 struct Marker {
   std::array<Eigen::Vector2d, 4> pixels;  // upper left, upper right, lower right, lower left
@@ -140,6 +142,30 @@ Eigen::Vector2d NearCorner(const cv::Mat& grey, const Eigen::Vector2d& rough, in
   return (near - rough).norm() < kMostRoughMovePx ? near : rough;
 }
 
+// Most tags see the next ones where the grid has them: it is not one of other counts.
+bool AreWhereTold(const Board& board, const Markers& markers) {
+  const int across = board.columns / 2;
+  const double side_m = board.spacing_m, pitch_m = (1 + board.gap_share) * side_m;
+  int told = 0, right = 0;
+  for (const auto& [id, marker] : markers) {
+    std::vector<cv::Point2d> pixels;
+    for (const Eigen::Vector2d& pixel : marker.pixels) pixels.emplace_back(pixel.x(), pixel.y());
+    // From the tag's upper left; y points down.
+    const Plane plane({{0, 0}, {side_m, 0}, {side_m, side_m}, {0, side_m}}, pixels);
+    if (!plane.is_valid()) continue;
+    for (const bool is_beside : {true, false}) {
+      if (is_beside && id % across == across - 1) continue;
+      const auto next = markers.find(is_beside ? id + 1 : id + across);
+      if (next == markers.end()) continue;
+      const Eigen::Vector2d expected = is_beside ? plane.At(pitch_m, 0) : plane.At(0, -pitch_m);
+      const Eigen::Vector2d side = marker.pixels[1] - marker.pixels[0];
+      ++told;
+      if ((next->second.pixels[0] - expected).norm() < 0.5 * side.norm()) ++right;
+    }
+  }
+  return 2 * right >= told;
+}
+
 SeenBoard AprilCorners(const Board& board, const cv::Mat& grey, const Markers& markers) {
   SeenBoard seen = Unseen(board);
   const int across = board.columns / 2;
@@ -190,6 +216,7 @@ SeenBoard CharucoCorners(const Board& board, const cv::Mat& grey, const Markers&
       if (plane.is_valid()) planes.emplace(std::pair(column, row), plane);
     }
   }
+  int told = 0, elsewhere = 0;
   for (int row = 0; row < board.rows; ++row) {
     for (int column = 0; column < board.columns; ++column) {
       const double x_m = (column + 1) * side_m, y_m = (row + 1) * side_m;
@@ -204,13 +231,16 @@ SeenBoard CharucoCorners(const Board& board, const cv::Mat& grey, const Markers&
       const Eigen::Vector2d along = beside[0]->At(x_m + side_m, y_m) - a;
       const Eigen::Vector2d down = beside[0]->At(x_m, y_m + side_m) - a;
       const double side_px = std::min(along.norm(), down.norm());
+      ++told;
+      if (!((a - b).norm() < kElsewhereShare * side_px)) ++elsewhere;
       if (!((a - b).norm() < std::max(kAgreePx, kAgreeShare * side_px))) continue;
       const int half = WindowFor(side_px * inset_m / side_m, kInsetShare);
       const auto corner = FitCorner(grey, 0.5 * (a + b), along, down, half);
       if (corner) Add(*corner, static_cast<size_t>(row * board.columns + column), &seen);
     }
   }
-  return seen;
+  // The markers of a board of other counts are elsewhere.
+  return 2 * elsewhere <= told ? seen : Unseen(board);
 }
 
 bool Explains(const Plane& plane, const std::vector<cv::Point2d>& metres,
@@ -282,7 +312,7 @@ std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey
   const Markers markers = DetectMarkers(board, grey);
   SeenBoard seen;
   if (board.kind == BoardKind::kAprilGrid) {
-    if (markers.size() < kLeastTags) return std::nullopt;
+    if (markers.size() < kLeastTags || !AreWhereTold(board, markers)) return std::nullopt;
     seen = AprilCorners(board, grey, markers);
   } else {
     seen = CharucoCorners(board, grey, markers, 1);

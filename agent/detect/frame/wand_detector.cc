@@ -97,7 +97,8 @@ DetectionOutcome WandDetector::WhyNone(const ImageView& image, const Verdict& ve
 absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& options,
                                                   const Target& target,
                                                   const CameraDescription& camera) {
-  absl::Status status = options.Validate();
+  absl::Status status = CheckIsLine(target);
+  status.Update(options.Validate());
   status.Update(CheckTargetAndCamera(target, camera));
   if (!status.ok()) {
     return absl::InvalidArgumentError(

@@ -92,8 +92,9 @@ TEST(ParseTarget, RefusesBoardsThatNobodyCanUse) {
   EXPECT_THAT(message("board:checker,9x6,30"), HasSubstr("metres"));
   EXPECT_THAT(message("board:checker,9x6"), HasSubstr("board:checker,9x6,0.03"));
   EXPECT_THAT(message("board:checker,9x6,0.03;flatness=flat"), HasSubstr("flatness"));
-  EXPECT_THAT(message("board:checker,9x6,0.03;flatness=-1"), HasSubstr("sigma"));
-  EXPECT_THAT(message("board:checker,9x6,0.03;flatness=nan"), HasSubstr("sigma"));
+  EXPECT_THAT(message("board:checker,9x6,0.03;flatness=-1"), HasSubstr("the flatness is -1 m"));
+  EXPECT_THAT(message("board:checker,9x6,0.03;flatness=nan"), HasSubstr("the flatness is nan"));
+  EXPECT_THAT(message("board:checker,9x6,0.03;diameter=0.04"), HasSubstr("no option of a board"));
 }
 
 TEST(Target, PointsOfABoardAreItsOwn) {

@@ -24,8 +24,8 @@ struct LocalPlan {
 
 // Options behind the sources of a recording; empty: none.
 struct RecordingOptionTexts {
-  std::string events;  // of recordings of events: "rate=500;clock=cable"
-  std::string frames;  // of images and videos: "fps=25"
+  std::string events = {};  // of recordings of events: "rate=500;clock=cable"
+  std::string frames = {};  // of images and videos: "fps=25"
 };
 
 // `speed`: "max" or a factor of the recorded pace, as the agent's source takes it.

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/board/board.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <iterator>
 #include <numbers>
 #include <utility>
 
@@ -42,27 +40,25 @@ constexpr char kBoardExamples[] =
     "board:circles,4x11,0.02 (asymmetric), board:circles-symmetric,9x6,0.02, "
     "board:charuco,8x6,0.03,0.022,5x5_100 (8 x 6 squares) or board:aprilgrid,6x6,0.088,0.3";
 
-// OpenCV's predefined dictionaries.
-constexpr const char* kDictionaries[] = {
-    "4x4_50",        "4x4_100",        "4x4_250",       "4x4_1000", "5x5_50",   "5x5_100",
-    "5x5_250",       "5x5_1000",       "6x6_50",        "6x6_100",  "6x6_250",  "6x6_1000",
-    "7x7_50",        "7x7_100",        "7x7_250",       "7x7_1000", "original", "apriltag_16h5",
-    "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
+// OpenCV's predefined dictionaries, and how many markers each has.
+struct Dictionary {
+  const char* name;
+  int markers;
+};
+constexpr Dictionary kDictionaries[] = {
+    {"4x4_50", 50},         {"4x4_100", 100},      {"4x4_250", 250},      {"4x4_1000", 1000},
+    {"5x5_50", 50},         {"5x5_100", 100},      {"5x5_250", 250},      {"5x5_1000", 1000},
+    {"6x6_50", 50},         {"6x6_100", 100},      {"6x6_250", 250},      {"6x6_1000", 1000},
+    {"7x7_50", 50},         {"7x7_100", 100},      {"7x7_250", 250},      {"7x7_1000", 1000},
+    {"original", 1024},     {"apriltag_16h5", 30}, {"apriltag_25h9", 35}, {"apriltag_36h10", 2320},
+    {"apriltag_36h11", 587}};
 
 // How many markers a dictionary has; 0: there is none of that name.
 int MarkersOf(std::string_view name) {
-  if (name == "original") return 1024;
-  if (name == "apriltag_16h5") return 30;
-  if (name == "apriltag_25h9") return 35;
-  if (name == "apriltag_36h10") return 2320;
-  if (name == "apriltag_36h11") return 587;
-  int count = 0;
-  const size_t end = name.rfind('_');
-  if (end == std::string_view::npos ||
-      !absl::SimpleAtoi(std::string(name.substr(end + 1)), &count)) {
-    return 0;
+  for (const Dictionary& dictionary : kDictionaries) {
+    if (name == dictionary.name) return dictionary.markers;
   }
-  return count;
+  return 0;
 }
 
 // Counts as people give them: of a ChArUco board squares, of an April grid tags.
@@ -153,10 +149,11 @@ absl::Status Board::Validate() const {
       faults.Add("markers of ", marker_m, " m do not fit into squares of ", spacing_m,
                  " m with a white rim");
     }
-    if (std::find(std::begin(kDictionaries), std::end(kDictionaries), dictionary) ==
-        std::end(kDictionaries)) {
+    if (most == 0) {
       faults.Add("there is no dictionary \"", dictionary, "\": it is one of ",
-                 absl::StrJoin(kDictionaries, " "));
+                 absl::StrJoin(kDictionaries, " ", [](std::string* out, const Dictionary& known) {
+                   out->append(known.name);
+                 }));
     }
   } else if (marker_m != 0 || !dictionary.empty()) {
     faults.Add("only a ChArUco board has a marker's side and a dictionary");

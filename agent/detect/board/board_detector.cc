@@ -220,8 +220,8 @@ bool FindCorners(const Board& board, const cv::Mat& grey, BoardSearch time,
   return true;
 }
 
-bool AllFinite(const SeenBoard& seen) {
-  return std::all_of(seen.pixels.begin(), seen.pixels.end(),
+bool AllFinite(const std::vector<Eigen::Vector2d>& pixels) {
+  return std::all_of(pixels.begin(), pixels.end(),
                      [](const Eigen::Vector2d& pixel) { return pixel.allFinite(); });
 }
 
@@ -238,17 +238,16 @@ std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey, BoardSear
                       [](const Eigen::Vector2d& pixel) { return pixel.allFinite(); });
     if (static_cast<double>(count) < kLeastCornersShare * board.point_count()) return std::nullopt;
     return seen;
-  } else {
-    std::vector<cv::Point2f> found;
-    if (!FindCircles(board, grey, cv::Size(board.columns, board.rows), &found) ||
-        found.size() != static_cast<size_t>(board.point_count())) {
-      return std::nullopt;
-    }
-    for (const cv::Point2f& point : found) seen.pixels.emplace_back(point.x, point.y);
-    OrderBoard(board, grey, &seen.pixels);
-    RefineCircles(board, grey, &seen.pixels);
   }
-  if (!AllFinite(seen)) return std::nullopt;
+  std::vector<cv::Point2f> found;
+  if (!FindCircles(board, grey, cv::Size(board.columns, board.rows), &found) ||
+      found.size() != static_cast<size_t>(board.point_count())) {
+    return std::nullopt;
+  }
+  for (const cv::Point2f& point : found) seen.pixels.emplace_back(point.x, point.y);
+  OrderBoard(board, grey, &seen.pixels);
+  RefineCircles(board, grey, &seen.pixels);
+  if (!AllFinite(seen.pixels)) return std::nullopt;
   return seen;
 }
 
@@ -266,7 +265,7 @@ std::optional<SeenBoard> Follow(const Board& board, const cv::Mat& last,
     if (is_found[i] == 0) return std::nullopt;
     seen.pixels.emplace_back(to[i].x, to[i].y);
   }
-  if (!RefineCorners(board, grey, &seen) || !AllFinite(seen)) return std::nullopt;
+  if (!RefineCorners(board, grey, &seen) || !AllFinite(seen.pixels)) return std::nullopt;
   // A board that has slipped by a square is the other way round.
   std::vector<Eigen::Vector2d> ordered = seen.pixels;
   OrderBoard(board, grey, &ordered);
@@ -291,7 +290,8 @@ absl::StatusOr<std::optional<SeenBoard>> FollowBoard(const Board& board, const I
                                                      const std::vector<Eigen::Vector2d>& last_px,
                                                      const ImageView& image) {
   if (board.kind != BoardKind::kChecker || last.width != image.width ||
-      last.height != image.height || last_px.size() != static_cast<size_t>(board.point_count())) {
+      last.height != image.height || last_px.size() != static_cast<size_t>(board.point_count()) ||
+      !AllFinite(last_px)) {
     return std::nullopt;
   }
   try {

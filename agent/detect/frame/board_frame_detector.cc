@@ -124,7 +124,7 @@ absl::StatusOr<std::optional<SeenBoard>> BoardFrameDetector::Search(const ImageV
   return FindBoard(board_, image, is_thorough ? BoardSearch::kThorough : BoardSearch::kQuick);
 }
 
-// In the next image.
+// For the next image.
 void BoardFrameDetector::Keep(const ImageView& image, const std::vector<Eigen::Vector2d>& pixels) {
   last_px_ = pixels;
   if (board_.kind != BoardKind::kChecker) return;

@@ -45,6 +45,7 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input);
 std::vector<Cause> FindPriorIntrinsics(const CauseInput& input);
 std::vector<Cause> FindFlippedMarkers(const CauseInput& input);
 std::vector<Cause> FindWrongWandLength(const CauseInput& input);
+std::vector<Cause> FindWrongTargetShape(const CauseInput& input);  // of a rigid target
 std::vector<Cause> FindUnseenEdges(const CauseInput& input);
 std::vector<Cause> FindWeakLinks(const CauseInput& input);
 std::vector<Cause> FindNarrowBaselines(const CauseInput& input);

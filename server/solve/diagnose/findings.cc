@@ -23,9 +23,10 @@ constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics, RepairMov
                                        RepairRollingShutters, RepairClockCourse};
 using CauseFunction = std::vector<Cause> (*)(const CauseInput&);
 constexpr CauseFunction kCauses[] = {FindClockOffsets,   FindPriorIntrinsics, FindFarIntrinsics,
-                                     FindFlippedMarkers, FindWrongWandLength, FindUnseenEdges,
-                                     FindWeakLinks,      FindNarrowBaselines, FindLoosePoses,
-                                     FindTooLittleData,  FindOutliersInSpan,  FindOddCameras};
+                                     FindFlippedMarkers, FindWrongWandLength, FindWrongTargetShape,
+                                     FindUnseenEdges,    FindWeakLinks,       FindNarrowBaselines,
+                                     FindLoosePoses,     FindTooLittleData,   FindOutliersInSpan,
+                                     FindOddCameras};
 
 void Append(std::vector<Cause> from, std::vector<Cause>* to) {
   to->insert(to->end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));

@@ -227,13 +227,27 @@ void GradeFigures(const CalibrationResult& result, const std::optional<Predicted
                      result.scale_known ? "mm" : "units of length", grade_builder);
 }
 
-// The wand's spans say different scales, and the solution took one between them.
+// Between the two points that are furthest apart.
+double ExtentOf(const Target& target) {
+  double extent_m = 0;
+  for (const TargetPoint& a : target.points) {
+    for (const TargetPoint& b : target.points) {
+      extent_m = std::max(extent_m, std::hypot(a.x_m - b.x_m, a.y_m - b.y_m, a.z_m - b.z_m));
+    }
+  }
+  return extent_m;
+}
+
+// The lengths of the target contradict each other, and the solution took a scale between them.
 void EvaluateSpans(const CalibrationResult& result, const PredictedError& predicted,
                    const Finding& finding, GradeBuilder* grade_builder) {
-  const std::vector<double>& given_m = result.target.given.marker_positions_m;
-  if (finding.kind != FindingKind::kWrongWandLength || given_m.size() < 2) return;
-  const double scale_rel = 1e-3 * std::abs(finding.value) / given_m.back();
-  grade_builder->Measure("the error of the scale that the wand's spans leave open",
+  const Target& given = result.target.given;
+  const double length_m = given.kind == TargetKind::kRigid      ? ExtentOf(given)
+                          : given.marker_positions_m.size() < 2 ? 0
+                                                                : given.marker_positions_m.back();
+  if (finding.kind != FindingKind::kWrongWandLength || !(length_m > 0)) return;
+  const double scale_rel = 1e-3 * std::abs(finding.value) / length_m;
+  grade_builder->Measure("the error of the scale that the target's lengths leave open",
                          scale_rel * predicted.distance_m,
                          {predicted.accepted_m, predicted.accepted_m}, 1e3, "mm");
 }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -21,6 +22,7 @@ struct Frame {
   int64_t time_ns = 0;  // the camera's clock, the middle of the exposure
   uint32_t clock_epoch = 0;
   double exposure_s = 0;  // 0: not known
+  std::string file = {};  // the image file it was read from; empty: it has none of its own
 };
 
 // One camera's frames in capture order. Start, Next, TakeClockSamples and the getters are called

@@ -2,6 +2,8 @@
 #include "agent/command/board_views.h"
 
 #include <algorithm>
+#include <cmath>
+#include <filesystem>
 #include <opencv2/core.hpp>
 #include <optional>
 
@@ -13,6 +15,8 @@
 
 namespace rigcal::agent {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr double kMovedShare = 0.04;    // of the image's diagonal
 constexpr double kBlurredRatio = 1.8;   // of the sharpest view's edges ...
@@ -107,7 +111,8 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
     ++result.with_board;
     bare.clear();
     BoardView view;
-    view.name = absl::StrCat("picture ", result.pictures);
+    view.name = frame->file.empty() ? absl::StrCat("picture ", result.pictures)
+                                    : fs::path(frame->file).filename().string();
     for (size_t i = 0; i < points.size(); ++i) {
       if (!seen->Sees(i)) continue;
       view.corners.push_back({points[i], seen->pixels[i], 0.5 * board.CircleDiameter()});
@@ -131,6 +136,7 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
     taken(result);
   }
   frames->Stop();
+  result.refused = frames->Refused();
   if (result.pictures == 0) return absl::FailedPreconditionError("there were no pictures");
   if (result.with_board == 0) return NoBoard(board, result.pictures, bare);
   return result;

@@ -9,6 +9,7 @@
 #include "agent/capture/frame_source.h"
 #include "common/board/board.h"
 #include "common/lens/board_view.h"
+#include "common/status/refusal.h"
 
 namespace rigcal::agent {
 
@@ -27,6 +28,8 @@ struct BoardViews {
   int with_board = 0;  // of them
   int alike = 0;       // with a board, but as another one that was taken
   int blurred = 0;     // with a board, but not sharp
+  // Files that are no picture of this camera: unreadable, or of another size than the first one.
+  std::vector<Refusal> refused;
   std::vector<BoardView> views;
 };
 

@@ -31,6 +31,10 @@ std::string FormatLensReport(const Board& board, const BoardViews& views,
   }
   absl::StrAppendFormat(&text, "; %d views and %d corners used\n", solution.views,
                         solution.corners);
+  for (const Refusal& refusal : views.refused) {
+    absl::StrAppendFormat(&text, "not read      %d: %s%s\n", refusal.count, refusal.example,
+                          refusal.count > 1 ? ", and others like it" : "");
+  }
   absl::StrAppendFormat(&text, "model         %s (%s); held-out error of each, px:",
                         std::string(LensModelName(solution.model)),
                         std::string(DistortionModelName(lens.model)));
@@ -93,6 +97,7 @@ std::string LensReportJson(const Board& board, const BoardViews& views,
                {"covered_share", solution.covered_share},
                {"blind_share", solution.blind_share},
                {"view_results", Json::array()},
+               {"not_read", Json::array()},
                {"advice", solution.advice},
                {"file", output}};
   for (const double sigma : solution.sigmas) json["sigmas"].push_back(Finite(sigma));
@@ -114,6 +119,11 @@ std::string LensReportJson(const Board& board, const BoardViews& views,
                                     {"rms_px", view.rms_px},
                                     {"tilt_deg", view.tilt_deg},
                                     {"left_out", view.left_out}});
+  }
+  for (const Refusal& refusal : views.refused) {
+    json["not_read"].push_back({{"reason", std::string(NameOf(refusal.reason))},
+                                {"count", refusal.count},
+                                {"example", refusal.example}});
   }
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

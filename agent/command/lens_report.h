@@ -17,7 +17,7 @@ std::string FormatLensReport(const Board& board, const BoardViews& views,
 // sigmas (fx, fy, cx, cy, then the coefficients; of noise alone), rms_px, held_out_rms_px,
 // candidates[{model, rms_px, held_out_rms_px}], halves{median_px, p95_px, most_px, unknown_share}
 // or null, covered_share, blind_share, view_results[{name, corners, left_out_corners, rms_px,
-// tilt_deg, left_out}], advice[text], file.
+// tilt_deg, left_out}], not_read[{reason, count, example}], advice[text], file.
 std::string LensReportJson(const Board& board, const BoardViews& views,
                            const LensSolution& solution, const std::string& output);
 

@@ -153,7 +153,7 @@ absl::StatusOr<std::optional<Frame>> ImagesFrameSource::Next() {
     }
     if (!HasRightSize(*image, timed.path)) continue;
     image_ = *std::move(image);
-    return MakeFrame(*timed.time_ns, ClockEpochOf(timed));
+    return MakeFrame(*timed.time_ns, ClockEpochOf(timed), timed.path);
   }
   return std::nullopt;
 }

@@ -59,12 +59,14 @@ bool RecordedFrameSource::HasRightSize(const cv::Mat& image, const std::string& 
   return false;
 }
 
-Frame RecordedFrameSource::MakeFrame(int64_t time_ns, uint32_t clock_epoch) {
+Frame RecordedFrameSource::MakeFrame(int64_t time_ns, uint32_t clock_epoch,
+                                     const std::string& file) {
   ++counts_.received;
   return {.image = ViewOf(image_),
           .time_ns = MiddleOfExposureNs(time_ns, options_.stamps, options_.exposure_s),
           .clock_epoch = clock_epoch,
-          .exposure_s = options_.exposure_s};
+          .exposure_s = options_.exposure_s,
+          .file = file};
 }
 
 void RecordedFrameSource::Refuse(RefusalReason reason, const std::string& what) {

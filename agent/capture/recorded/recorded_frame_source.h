@@ -53,7 +53,7 @@ class RecordedFrameSource : public PacedSource<FrameSource, RecordedFramesOption
   // Whether the image is as large as the camera's; else it is refused.
   bool HasRightSize(const cv::Mat& image, const std::string& name);
   // Of `image_`.
-  Frame MakeFrame(int64_t time_ns, uint32_t clock_epoch);
+  Frame MakeFrame(int64_t time_ns, uint32_t clock_epoch, const std::string& file = "");
   void Refuse(RefusalReason reason, const std::string& what);
   std::string prefix() const { return "camera " + options_.camera + ": "; }
 

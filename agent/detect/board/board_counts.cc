@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/detect/board/board_counts.h"
 
+#include <algorithm>
+#include <map>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <tuple>
 #include <utility>
 
 #include "agent/detect/board/board_detector.h"
@@ -8,7 +13,10 @@
 namespace rigcal::agent {
 namespace {
 
-// By how much columns and rows may be off, with the likeliest first.
+constexpr int kSmallPx = 640;  // a chessboard is told at this size
+constexpr int kLeastCorners = 3;
+
+// By how much columns and rows of circles may be off, with the likeliest first.
 constexpr std::pair<int, int> kOtherCounts[] = {{-1, -1}, {1, 1}, {-1, 0}, {0, -1},
                                                 {1, 0},   {0, 1}, {1, -1}, {-1, 1}};
 
@@ -27,13 +35,52 @@ int CountFound(const Board& board, const std::vector<cv::Mat>& pictures) {
   return found;
 }
 
+// The chessboard in a picture, whatever its counts, the larger one first. {0, 0}: none.
+std::pair<int, int> CheckerIn(const cv::Mat& picture) {
+  cv::Mat grey;
+  if (picture.channels() == 1) {
+    grey = picture;
+  } else {
+    cv::cvtColor(picture, grey, cv::COLOR_BGR2GRAY);
+  }
+  const double scale = static_cast<double>(kSmallPx) / std::max(grey.cols, grey.rows);
+  if (scale < 1) cv::resize(grey, grey, {}, scale, scale, cv::INTER_AREA);
+  std::vector<cv::Point2f> corners;
+  cv::Mat meta;  // as large as the board that was found
+  const bool found =
+      cv::findChessboardCornersSB(grey, {kLeastCorners, kLeastCorners}, corners,
+                                  cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_LARGER, meta);
+  if (!found) return {0, 0};
+  return {std::max(meta.cols, meta.rows), std::min(meta.cols, meta.rows)};
+}
+
+std::optional<CountsGuess> GuessChecker(const Board& board, const std::vector<cv::Mat>& pictures) {
+  std::map<std::pair<int, int>, int> seen;
+  for (const cv::Mat& picture : pictures) ++seen[CheckerIn(picture)];
+  seen.erase({0, 0});
+  std::optional<CountsGuess> best;
+  for (const auto& [counts, times] : seen) {
+    Board other = board;
+    std::tie(other.columns, other.rows) = counts;
+    if (board.columns < board.rows) std::swap(other.columns, other.rows);
+    // The map has larger ones later.
+    if (other.Validate().ok() && (!best || times >= best->pictures)) best = {other, times};
+  }
+  // A part of the board that was said is no other board.
+  const bool is_part = best && best->board.columns <= board.columns &&
+                       best->board.rows <= board.rows &&
+                       2 * static_cast<size_t>(best->pictures) < pictures.size();
+  if (best && (best->board == board || is_part)) best.reset();
+  return best;
+}
+
 }  // namespace
 
 std::optional<CountsGuess> GuessCounts(const Board& board, const std::vector<cv::Mat>& pictures) {
   if (board.HasMarkers()) return std::nullopt;  // their numbers say where they are
+  if (board.kind == BoardKind::kChecker) return GuessChecker(board, pictures);
   std::vector<Board> others;
-  // A checker is found whichever of its sides is named first.
-  if (board.kind != BoardKind::kChecker && board.columns != board.rows) {
+  if (board.columns != board.rows) {
     others.push_back(board);
     std::swap(others.back().columns, others.back().rows);
   }

@@ -16,7 +16,7 @@ struct CountsGuess {
 };
 
 // Which counts a person may have meant whose board was found in none of these pictures (CV_8UC1 or
-// CV_8UC3): squares counted instead of inner corners, one too many or too few, columns and rows
+// CV_8UC3). A chessboard may have any; circles one more or less in a row or column, or both
 // swapped. The one that is found most often, the larger one of two. None: no such board was found.
 std::optional<CountsGuess> GuessCounts(const Board& board, const std::vector<cv::Mat>& pictures);
 

@@ -8,15 +8,14 @@
 #include "absl/strings/str_cat.h"
 #include "agent/detect/board/board_counts.h"
 #include "agent/detect/board/board_detector.h"
+#include "common/lens/view_choice.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr double kMovedShare = 0.04;    // of the image's diagonal
-constexpr double kBlurredRatio = 1.8;   // of the sharpest view's edges ...
-constexpr double kBlurredEdgePx = 4.5;  // ... and wider than this
+constexpr double kSharpEdgePx = 4.5;    // wide; whatever other views have
 constexpr size_t kKeptPictures = 10;    // to look for other counts in
 constexpr int kMostBarePictures = 200;  // of a source without end
 
@@ -25,22 +24,6 @@ cv::Mat CopyOf(const ImageView& image) {
   return cv::Mat(image.height, image.width, type, const_cast<uint8_t*>(image.data),
                  static_cast<size_t>(image.stride_bytes))
       .clone();
-}
-
-// How far the corner has moved that has moved furthest.
-double FurthestMove(const BoardView& a, const BoardView& b) {
-  double furthest = 0;
-  size_t k = 0;
-  for (const BoardCorner& corner : a.corners) {
-    // Both are in the order of the board's points, of which some may be missing.
-    const auto same = std::find_if(
-        b.corners.begin() + static_cast<ptrdiff_t>(k), b.corners.end(),
-        [&](const BoardCorner& other) { return other.x_in_board_m == corner.x_in_board_m; });
-    if (same == b.corners.end()) continue;
-    k = static_cast<size_t>(same - b.corners.begin());
-    furthest = std::max(furthest, (corner.pixel - same->pixel).norm());
-  }
-  return furthest;
 }
 
 std::string CountsOf(const Board& board) { return absl::StrCat(board.columns, "x", board.rows); }
@@ -83,11 +66,9 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
   BoardViews result;
   result.image_size_px = frames->description().image_size_px;
   result.camera = frames->description().camera;
-  const double moved_px =
-      kMovedShare * std::hypot(result.image_size_px.width, result.image_size_px.height);
+  ViewChoice choice(result.image_size_px, {.sharp = kSharpEdgePx});
   const auto points = board.Points();
   std::vector<cv::Mat> bare;
-  double sharpest = 0;
   // What a simulated camera shows; others ignore it.
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget("wand:0,0.13,0.39"));
   RIGCAL_RETURN_IF_ERROR(frames->Start(target));
@@ -113,19 +94,10 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
       view.corners.push_back({points[i], seen->pixels[i], 0.5 * board.CircleDiameter()});
     }
     if (options.only_different) {
-      const double edge = seen->edge_width_px;
-      if (edge > 0 && (sharpest == 0 || edge < sharpest)) sharpest = edge;
-      if (edge > std::max(kBlurredEdgePx, kBlurredRatio * sharpest)) {
-        ++result.blurred;
-        continue;
-      }
-      const bool is_alike =
-          std::any_of(result.views.begin(), result.views.end(),
-                      [&](const BoardView& other) { return FurthestMove(view, other) < moved_px; });
-      if (is_alike) {
-        ++result.alike;
-        continue;
-      }
+      const ViewChoice::Verdict verdict = choice.Offer(view, seen->edge_width_px);
+      result.alike = choice.alike();
+      result.blurred = choice.blurred();
+      if (verdict != ViewChoice::Verdict::kTaken) continue;
     }
     result.views.push_back(std::move(view));
     taken(result);

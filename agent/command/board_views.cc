@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "agent/detect/board/board_counts.h"
 #include "agent/detect/board/board_detector.h"
+#include "common/lens/view_choice.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -18,9 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kMovedShare = 0.04;    // of the image's diagonal
-constexpr double kBlurredRatio = 1.8;   // of the sharpest view's edges ...
-constexpr double kBlurredEdgePx = 4.5;  // ... and wider than this
+constexpr double kSharpEdgePx = 4.5;    // wide; whatever other views have
 constexpr size_t kKeptPictures = 10;    // to look for other counts in
 constexpr int kMostBarePictures = 200;  // of a source without end
 
@@ -31,23 +30,32 @@ cv::Mat CopyOf(const ImageView& image) {
       .clone();
 }
 
-// How far the corner has moved that has moved furthest.
-double FurthestMove(const BoardView& a, const BoardView& b) {
-  double furthest = 0;
-  size_t k = 0;
-  for (const BoardCorner& corner : a.corners) {
-    // Both are in the order of the board's points, of which some may be missing.
-    const auto same = std::find_if(
-        b.corners.begin() + static_cast<ptrdiff_t>(k), b.corners.end(),
-        [&](const BoardCorner& other) { return other.x_in_board_m == corner.x_in_board_m; });
-    if (same == b.corners.end()) continue;
-    k = static_cast<size_t>(same - b.corners.begin());
-    furthest = std::max(furthest, (corner.pixel - same->pixel).norm());
-  }
-  return furthest;
+std::string CountsOf(const Board& board) { return absl::StrCat(board.columns, "x", board.rows); }
+
+std::string NoBoardText(const Board& board, int looked_at) {
+  return absl::StrCat("no ", CountsOf(board), " board in ", looked_at, " pictures");
 }
 
-std::string CountsOf(const Board& board) { return absl::StrCat(board.columns, "x", board.rows); }
+// With counts that most of these pictures have, if that is so.
+absl::Status CheckCounts(const Board& board, int looked_at, const std::vector<cv::Mat>& pictures) {
+  const std::optional<CountsGuess> guess = GuessCounts(board, pictures);
+  // Spots of anything make a few circles now and then.
+  if (!guess ||
+      (board.HasCircles() && 2 * static_cast<size_t>(guess->pictures) < pictures.size())) {
+    return absl::OkStatus();
+  }
+  const Board& other = guess->board;
+  const bool squares = board.kind == BoardKind::kChecker && other.columns + 1 == board.columns &&
+                       other.rows + 1 == board.rows;
+  const bool swapped = other.columns == board.rows && other.rows == board.columns;
+  return absl::FailedPreconditionError(
+      absl::StrCat(NoBoardText(board, looked_at), ", but one of ", CountsOf(other), " in ",
+                   guess->pictures, " of the ", pictures.size(), " that were looked at again: ",
+                   squares   ? "inner corners are counted, not squares; "
+                   : swapped ? "the circles of a row come first, then the rows; "
+                             : "",
+                   "say --board ", FormatBoard(other)));
+}
 
 absl::Status NoBoard(const Board& board, int looked_at, const std::vector<cv::Mat>& pictures) {
   if (board.HasMarkers()) {
@@ -57,26 +65,12 @@ absl::Status NoBoard(const Board& board, int looked_at, const std::vector<cv::Ma
         "the print, are its markers sharp and 15 pixels wide or more, and are the pictures not "
         "mirrored? A part of the board is enough"));
   }
-  const std::string none =
-      absl::StrCat("no ", CountsOf(board), " board in ", looked_at, " pictures");
-  std::optional<CountsGuess> guess = GuessCounts(board, pictures);
-  // Spots of anything make a few circles now and then.
-  if (guess && board.HasCircles() && 2 * static_cast<size_t>(guess->pictures) < pictures.size()) {
-    guess.reset();
-  }
-  if (!guess) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        none,
-        ": the whole board must be seen, with a white margin around it, sharp and not too dark; is "
-        "it the kind of board that --board says?"));
-  }
-  const bool is_checker = board.kind == BoardKind::kChecker;
+  RIGCAL_RETURN_IF_ERROR(CheckCounts(board, looked_at, pictures));
   return absl::FailedPreconditionError(
-      absl::StrCat(none, ", but one of ", CountsOf(guess->board), " in ", guess->pictures,
-                   " of the ", pictures.size(), " that were looked at again: ",
-                   is_checker ? "inner corners are counted, not squares"
-                              : "the circles of a row come first, then the rows",
-                   "; say --board ", FormatBoard(guess->board)));
+      absl::StrCat(NoBoardText(board, looked_at),
+                   ": the whole board must be seen, with a white margin around it, sharp and not "
+                   "too dark; is it "
+                   "the kind of board that --board says?"));
 }
 
 }  // namespace
@@ -87,11 +81,9 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
   BoardViews result;
   result.image_size_px = frames->description().image_size_px;
   result.camera = frames->description().camera;
-  const double moved_px =
-      kMovedShare * std::hypot(result.image_size_px.width, result.image_size_px.height);
+  ViewChoice choice(result.image_size_px, {.sharp = kSharpEdgePx});
   const auto points = board.Points();
   std::vector<cv::Mat> bare;
-  double sharpest = 0;
   // What a simulated camera shows; others ignore it.
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget("wand:0,0.13,0.39"));
   RIGCAL_RETURN_IF_ERROR(frames->Start(target));
@@ -103,6 +95,10 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
     if (!seen) {
       if (result.with_board == 0 && bare.size() < kKeptPictures) {
         bare.push_back(CopyOf(frame->image));
+        // Nobody waits for the rest of a thousand pictures to be told.
+        if (bare.size() == kKeptPictures) {
+          RIGCAL_RETURN_IF_ERROR(CheckCounts(board, result.pictures, bare));
+        }
       }
       const bool is_bare = result.with_board == 0 && result.pictures >= kMostBarePictures;
       if (options.only_different && is_bare) break;
@@ -118,19 +114,10 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
       view.corners.push_back({points[i], seen->pixels[i], 0.5 * board.CircleDiameter()});
     }
     if (options.only_different) {
-      const double edge = seen->edge_width_px;
-      if (edge > 0 && (sharpest == 0 || edge < sharpest)) sharpest = edge;
-      if (edge > std::max(kBlurredEdgePx, kBlurredRatio * sharpest)) {
-        ++result.blurred;
-        continue;
-      }
-      const bool is_alike =
-          std::any_of(result.views.begin(), result.views.end(),
-                      [&](const BoardView& other) { return FurthestMove(view, other) < moved_px; });
-      if (is_alike) {
-        ++result.alike;
-        continue;
-      }
+      const ViewChoice::Verdict verdict = choice.Offer(view, seen->edge_width_px);
+      result.alike = choice.alike();
+      result.blurred = choice.blurred();
+      if (verdict != ViewChoice::Verdict::kTaken) continue;
     }
     result.views.push_back(std::move(view));
     taken(result);

@@ -15,4 +15,24 @@ struct LensDiffOptions {
 // `rigcal lens diff`: how far two lenses of one camera are apart.
 ExitCode CompareLensFiles(const LensDiffOptions& options, CommandContext& context);
 
+struct LensGetOptions {
+  std::string session;
+  std::string camera;
+  std::string output;  // the YAML; empty: none is written
+  bool force = false;  // replace it
+};
+
+// `rigcal lens get`: the lens of a camera from the board that a session has seen, as the server
+// makes it; waits for it.
+ExitCode GetLens(const LensGetOptions& options, CommandContext& context);
+
+struct LensUseOptions {
+  std::string session;
+  bool activate = false;
+};
+
+// `rigcal lens use`: calibrates a session with the lenses found in it, of those of its cameras that
+// have none.
+ExitCode UseLenses(const LensUseOptions& options, CommandContext& context);
+
 }  // namespace rigcal::client

@@ -12,7 +12,7 @@ const target = join(here, 'src/api/types.ts');
 
 /** Services whose messages the page uses; what they import comes with them. */
 const roots = ['live_service', 'session_service', 'calibration_service', 'agent_service',
-  'status_service', 'identity_service', 'camera_service', 'rig_service'];
+  'status_service', 'identity_service', 'camera_service', 'rig_service', 'lens_service'];
 
 /** JSON type of a scalar; 64-bit integers are strings, bytes are base64. */
 const scalars = {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,7 @@ struct BoardCorner {
 struct BoardView {
   std::string name;  // for people: "picture 12"
   std::vector<BoardCorner> corners;
+  int64_t time_ns = 0;  // by the camera's clock; 0: not known
 };
 
 }  // namespace rigcal

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/board/board.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::wire {
@@ -186,6 +187,14 @@ absl::StatusOr<Target> FromProto(const v1::Target& proto) {
   }
   target.is_surveyed = proto.surveyed();
   target.board = proto.board();
+  if (!target.board.empty() && target.points.empty()) {
+    const absl::StatusOr<Board> board = ParseBoard(target.board);
+    absl::StatusOr<Target> meant =
+        board.ok() ? MakeBoardTarget(*board) : absl::StatusOr<Target>(board.status());
+    RIGCAL_RETURN_IF_ERROR(In("target.board", meant.status()));
+    target.board = std::move(meant->board);
+    target.points = std::move(meant->points);
+  }
   if (proto.span_tolerance_m() != 0) target.span_tolerance_m = proto.span_tolerance_m();
   RIGCAL_RETURN_IF_ERROR(In("target", target.Validate()));
   return target;

@@ -78,6 +78,8 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.GetCalibrationRequest.id", .bytes = kName},
     {.field = "rigcal.v1.GetDetectorRequest.camera", .bytes = kName},
     {.field = "rigcal.v1.GetDetectorRequest.rig", .bytes = kName},
+    {.field = "rigcal.v1.GetLensRequest.camera", .bytes = kName},
+    {.field = "rigcal.v1.GetLensRequest.session_id", .bytes = kName},
     {.field = "rigcal.v1.GetLiveRequest.rig", .bytes = kName},
     {.field = "rigcal.v1.GetLiveRequest.since_revision", .bytes = kName},
     {.field = "rigcal.v1.GetPreviewRequest.camera", .bytes = kName},

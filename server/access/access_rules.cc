@@ -46,6 +46,7 @@ constexpr AccessRule kAccessRules[] = {
     // Which cameras: CheckAgent in server/session/stream_context_cache.h.
     {"/rigcal.v1.IngestService/Connect", {Role::kAgent}},
     {"/rigcal.v1.IngestService/UploadBatch", {Role::kAgent, Role::kOperator, Role::kAdmin}},
+    {"/rigcal.v1.LensService/GetLens", kReaders},
     {"/rigcal.v1.LiveService/GetLive", kReaders},
     {"/rigcal.v1.MaintenanceService/Compact", kAdmins, true},
     {"/rigcal.v1.RigService/ActivateCalibration", kOperators, true},

@@ -35,6 +35,8 @@ constexpr ApiRoute kApiRoutes[] = {
     {"POST", "/v1/sessions/{id}:stop", "/rigcal.v1.SessionService/StopSession", "Stops a session"},
     {"POST", "/v1/sessions/{id}:discard", "/rigcal.v1.SessionService/DiscardSession",
      "Marks a session as thrown away, or takes that back"},
+    {"GET", "/v1/sessions/{session_id}/lenses/{camera}", "/rigcal.v1.LensService/GetLens",
+     "The lens of a camera from the board that a session has seen"},
     {"GET", "/v1/calibrations", "/rigcal.v1.CalibrationService/ListCalibrations",
      "A page of the calibrations"},
     {"POST", "/v1/calibrations", "/rigcal.v1.CalibrationService/CreateCalibration",

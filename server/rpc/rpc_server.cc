@@ -32,9 +32,9 @@ constexpr int kMaxReadBytes = 256 << 10;
 constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
     "rigcal.v1.AgentService",        "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
-    "rigcal.v1.SessionService",      "rigcal.v1.CalibrationService", "rigcal.v1.LiveService",
-    "rigcal.v1.MaintenanceService",  "rigcal.v1.RigService",         "rigcal.v1.StatusService",
-    "rigcal.v1.TriangulationService"};
+    "rigcal.v1.SessionService",      "rigcal.v1.CalibrationService", "rigcal.v1.LensService",
+    "rigcal.v1.LiveService",         "rigcal.v1.MaintenanceService", "rigcal.v1.RigService",
+    "rigcal.v1.StatusService",       "rigcal.v1.TriangulationService"};
 
 // Both plugins are global to the process and must be on before the first server is built; and so is
 // the log of gRPC, which goes to ours at level debug: what matters of it comes back as a status,
@@ -118,6 +118,7 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
   services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_, &security_));
   services_.push_back(MakeRigService(parts, &security_));
+  services_.push_back(MakeLensService(parts.store));
   services_.push_back(MakeLiveService(&live_answers_));
   services_.push_back(MakeMaintenanceService(parts.store, &watches_));
   services_.push_back(MakeStatusService(parts, options_.ingest_queue_limit_bytes, UtcNowNs({}),

@@ -54,6 +54,7 @@ std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, W
 std::unique_ptr<grpc::Service> MakeCalibrationService(const RpcServerParts& parts,
                                                       WatchHub* watches, CallSecurity* security);
 std::unique_ptr<grpc::Service> MakeRigService(const RpcServerParts& parts, CallSecurity* security);
+std::unique_ptr<grpc::Service> MakeLensService(Store* store);
 std::unique_ptr<grpc::Service> MakeLiveService(LiveAnswers* answers);
 std::unique_ptr<grpc::Service> MakeMaintenanceService(Store* store, WatchHub* watches);
 // It has started at `start_utc_ns`. At most `max_connections` are open on `listener`.

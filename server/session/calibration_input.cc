@@ -7,24 +7,59 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::server {
 namespace {
 
-absl::Status CheckCamerasFit(const Session& session, const Session& other) {
+bool IsGiven(const CalibrationOptions& options, const std::string& camera) {
+  return std::ranges::find(options.given_intrinsics, camera, &CameraIntrinsics::camera) !=
+         options.given_intrinsics.end();
+}
+
+absl::Status CheckCamerasFit(const Session& session, const Session& other,
+                             const CalibrationOptions& options) {
   for (const SessionCamera& camera : session.cameras) {
     const CameraDescription& own = camera.description;
     const SessionCamera* same = other.FindCamera(own.camera);
     if (same == nullptr) continue;
     if (own.image_size_px != same->description.image_size_px ||
-        own.intrinsics != same->description.intrinsics) {
+        (own.intrinsics != same->description.intrinsics && !IsGiven(options, own.camera))) {
       return absl::FailedPreconditionError(absl::StrCat(
           "camera '", own.camera, "' has other intrinsics or another image size in ", "session '",
           session.id, "' than in session '", other.id, "'; calibrate them apart"));
     }
   }
   return absl::OkStatus();
+}
+
+absl::Status CheckLenses(const Session& session, const CalibrationOptions& options) {
+  std::vector<std::string> without;
+  for (const SessionCamera& camera : session.cameras) {
+    const std::string& name = camera.description.camera;
+    if (camera.description.intrinsics || IsGiven(options, name) ||
+        std::ranges::find(options.without_cameras, name) != options.without_cameras.end()) {
+      continue;
+    }
+    without.push_back(absl::StrCat("'", name, "'"));
+  }
+  if (without.empty()) return absl::OkStatus();
+  const bool one = without.size() == 1;
+  const std::string who =
+      absl::StrCat(one ? "camera " : "cameras ", absl::StrJoin(without, ", "), " of session '",
+                   session.id, "' ", one ? "has" : "have", " no lens (intrinsics)");
+  if (session.target.board.empty()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        who, "; make ", one ? "one" : "them", " from a printed board (page Lens of the dashboard, ",
+        "or `rigcal-agent intrinsics`), give ", one ? "its agent the file" : "the agents the files",
+        " with calibration=FILE and record again; or calibrate with those of an earlier ",
+        "calibration (--prior)"));
+  }
+  return absl::FailedPreconditionError(
+      absl::StrCat(who, "; page Lens of the dashboard makes ", one ? "one" : "them",
+                   " from this session, and `rigcal lens use ", session.id, "` calibrates with ",
+                   one ? "it" : "them"));
 }
 
 uint32_t UsableRowCount(const StoredBatch& stored) {
@@ -34,7 +69,8 @@ uint32_t UsableRowCount(const StoredBatch& stored) {
 
 }  // namespace
 
-absl::Status CheckSessionsFit(absl::Span<const Session> sessions) {
+absl::Status CheckSessionsFit(absl::Span<const Session> sessions,
+                              const CalibrationOptions& options) {
   for (const Session& session : sessions) {
     if (session.state != SessionState::kFinished) {
       return absl::FailedPreconditionError(
@@ -49,12 +85,7 @@ absl::Status CheckSessionsFit(absl::Span<const Session> sessions) {
                        "' were deleted, by `rigcal session prune` or by the server's retention ",
                        "([retention] in its configuration); record again, or restore a backup"));
     }
-    for (const SessionCamera& camera : session.cameras) {
-      if (camera.description.intrinsics) continue;
-      return absl::FailedPreconditionError(
-          absl::StrCat("camera '", camera.description.camera, "' of session '", session.id,
-                       "' has no intrinsics; give its agent a calibration file and record again"));
-    }
+    RIGCAL_RETURN_IF_ERROR(CheckLenses(session, options));
   }
   for (size_t i = 1; i < sessions.size(); ++i) {
     const Session& first = sessions.front();
@@ -66,7 +97,7 @@ absl::Status CheckSessionsFit(absl::Span<const Session> sessions) {
     }
     // With every earlier one: a camera need not be in the first session.
     for (size_t k = 0; k < i; ++k) {
-      RIGCAL_RETURN_IF_ERROR(CheckCamerasFit(session, sessions[k]));
+      RIGCAL_RETURN_IF_ERROR(CheckCamerasFit(session, sessions[k], options));
     }
   }
   return absl::OkStatus();

@@ -23,8 +23,10 @@ namespace rigcal::server {
 
 // Checks that these sessions may go into one calibration. FAILED_PRECONDITION names the session (or
 // the two that differ) and the camera: not finished, another rig, other intrinsics or image size
-// for the same camera, a camera without intrinsics.
-absl::Status CheckSessionsFit(absl::Span<const Session> sessions);
+// for the same camera, cameras without intrinsics. Those that the options give count instead, and
+// cameras that they leave out need none.
+absl::Status CheckSessionsFit(absl::Span<const Session> sessions,
+                              const CalibrationOptions& options = {});
 
 // What goes into a calibration, before any row has been read.
 struct CalibrationPlan {

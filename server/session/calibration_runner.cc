@@ -97,7 +97,7 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
     RIGCAL_RETURN_IF_ERROR(CheckNotDiscarded(session));
     sessions.push_back(std::move(session));
   }
-  RIGCAL_RETURN_IF_ERROR(CheckSessionsFit(sessions));
+  RIGCAL_RETURN_IF_ERROR(CheckSessionsFit(sessions, options));
   if (const size_t queued = QueuedCount(); queued >= options_.max_queued) {
     return absl::ResourceExhaustedError(absl::StrCat(
         queued, " calibrations are queued, which is the limit; ask again later, or cancel some"));

@@ -57,7 +57,7 @@ const std::vector<Layer>& Layers() {
       {"server: the solve", {"server/solve"}},
       {"server: sessions, the solving process", {"server/session", "server/worker"}},
       {"server: jobs, live state",
-       {"server/jobs", "server/live", "server/metrics", "server/worker/main.cc"}},
+       {"server/jobs", "server/lens", "server/live", "server/metrics", "server/worker/main.cc"}},
       {"server: services", {"server/estimate", "server/monitor", "server/rpc"}},
       {"server: care of the data", {"server/care"}},
 

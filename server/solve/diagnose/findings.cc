@@ -116,6 +116,7 @@ bool IsCauseOfError(FindingKind kind) {
     case FindingKind::kRollingShutter:
     case FindingKind::kFlippedLabels:
     case FindingKind::kWrongWandLength:
+    case FindingKind::kWrongTargetShape:
     case FindingKind::kLoosePose:
       return true;
     default:

@@ -124,9 +124,9 @@ Cause CauseOf(const SolvedShape& shape, double gain_px) {
                                ? BoardText(shape, &scale)
                                : ". Measure them again, give them again and calibrate again; every "
                                  "length of the rig may be as wrong");
-  return {
-      {FindingKind::kWrongWandLength, "", 1e3 * std::abs(scale - 1) * shape.extent_m, "mm", advice},
-      gain_px};
+  return {{FindingKind::kWrongTargetShape, "", 1e3 * std::abs(scale - 1) * shape.extent_m, "mm",
+           advice},
+          gain_px};
 }
 
 }  // namespace

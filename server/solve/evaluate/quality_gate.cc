@@ -128,6 +128,8 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       return warning(absl::StrCat(who, " has a rolling shutter (see findings)"));
     case FindingKind::kWrongWandLength:
       return warning("the wand is not as it was given (see findings)");
+    case FindingKind::kWrongTargetShape:
+      return warning("the target's points are not where they were given (see findings)");
     case FindingKind::kNarrowBaseline:
       return warning(absl::StrCat(who, " sees the wand from the same direction as the others"));
     case FindingKind::kLoosePose:
@@ -242,10 +244,13 @@ double ExtentOf(const Target& target) {
 void EvaluateSpans(const CalibrationResult& result, const PredictedError& predicted,
                    const Finding& finding, GradeBuilder* grade_builder) {
   const Target& given = result.target.given;
-  const double length_m = given.kind == TargetKind::kRigid      ? ExtentOf(given)
-                          : given.marker_positions_m.size() < 2 ? 0
-                                                                : given.marker_positions_m.back();
-  if (finding.kind != FindingKind::kWrongWandLength || !(length_m > 0)) return;
+  double length_m = 0;
+  if (finding.kind == FindingKind::kWrongTargetShape) {
+    length_m = ExtentOf(given);
+  } else if (finding.kind == FindingKind::kWrongWandLength && given.marker_positions_m.size() > 1) {
+    length_m = given.marker_positions_m.back();
+  }
+  if (!(length_m > 0)) return;
   const double scale_rel = 1e-3 * std::abs(finding.value) / length_m;
   grade_builder->Measure("the error of the scale that the target's lengths leave open",
                          scale_rel * predicted.distance_m,

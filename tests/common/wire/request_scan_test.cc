@@ -18,6 +18,7 @@
 #include "rigcal/v1/camera_service.pb.h"
 #include "rigcal/v1/identity_service.pb.h"
 #include "rigcal/v1/ingest_service.pb.h"
+#include "rigcal/v1/lens_service.pb.h"
 #include "rigcal/v1/live_service.pb.h"
 #include "rigcal/v1/maintenance_service.pb.h"
 #include "rigcal/v1/rig_service.pb.h"
@@ -62,7 +63,7 @@ std::set<const Descriptor*> RequestTypes() {
         v1::ConnectRequest::descriptor()->file(), v1::GetLiveRequest::descriptor()->file(),
         v1::CompactRequest::descriptor()->file(), v1::GetSessionRequest::descriptor()->file(),
         v1::GetStatusRequest::descriptor()->file(), v1::GetRigRequest::descriptor()->file(),
-        v1::TriangulateRequest::descriptor()->file()}) {
+        v1::TriangulateRequest::descriptor()->file(), v1::GetLensRequest::descriptor()->file()}) {
     EXPECT_EQ(file->service_count(), 1) << file->name();
     for (int i = 0; i < file->service(0)->method_count(); ++i) {
       const Descriptor* const request = file->service(0)->method(i)->input_type();

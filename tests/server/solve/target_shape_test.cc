@@ -44,7 +44,7 @@ CalibrationResult Solve(const Target& real, const Target& told, PoseErrors* erro
 
 const Finding* Shape(const CalibrationResult& result) {
   const auto found =
-      std::ranges::find(result.findings, FindingKind::kWrongWandLength, &Finding::kind);
+      std::ranges::find(result.findings, FindingKind::kWrongTargetShape, &Finding::kind);
   return found == result.findings.end() ? nullptr : &*found;
 }
 

@@ -3,9 +3,9 @@
 import type {
   ActivateCalibrationResponse, Activation, Calibration, CalibrationOptions, ColourRange, CreateCalibrationResponse, CreateSessionRequest,
   CreateSessionResponse, CreateTokenRequest, CreateTokenResponse, Detector, DiscardSessionResponse,
-  GetAccuracyResponse, GetCalibrationResponse, GetDetectorResponse, GetLiveResponse, GetResidualsResponse,
+  GetAccuracyResponse, GetCalibrationResponse, GetDetectorResponse, GetLensResponse, GetLiveResponse, GetResidualsResponse,
   GetSessionResponse, GetStatusResponse, ListActivationsResponse, ListAgentsResponse, ListCalibrationsResponse,
-  ListExportsResponse, ListRigsResponse, ListSessionsResponse, LiveState, RollbackRigResponse, Session,
+  ListExportsResponse, Lens, ListRigsResponse, ListSessionsResponse, LiveState, RollbackRigResponse, Session,
   StartSessionResponse, StopSessionResponse,
 } from './types';
 
@@ -176,6 +176,11 @@ export async function resumeSession(id: string): Promise<Session> {
 /** Deletes a session and its observations. */
 export async function deleteSession(id: string): Promise<void> {
   await call(`/v1/sessions/${part(id)}`, { method: 'DELETE' });
+}
+
+/** The lens of a camera from the board that a session has seen, as far as it is known. */
+export async function getLens(sessionId: string, camera: string, signal?: AbortSignal): Promise<Lens> {
+  return (await ask<GetLensResponse>(`/v1/sessions/${part(sessionId)}/lenses/${part(camera)}`, { signal })).lens ?? {};
 }
 
 /** A page of the calibrations. */

@@ -34,7 +34,7 @@ function CameraCard({ live, description, rig, stale, session }: {
       <div class="fact"><dt>agent</dt><dd>{live.agent_id || 'given by hand'}</dd></div>
       <div class="fact"><dt>sensor</dt><dd>{sensors[description?.sensor ?? ''] ?? missing}, {live.image_size_px?.width ?? '?'}×{live.image_size_px?.height ?? '?'}</dd></div>
       <div class="fact"><dt>rate</dt><dd>{stale ? missing : `${fixed(live.observation_rate_hz ?? 0, 0)} Hz, ${fixed(live.wand_rate_hz ?? 0, 0)} with wand`}</dd></div>
-      <div class="fact"><dt>lens</dt><dd>{description?.intrinsics ? '✓ intrinsics given' : '▲ no intrinsics'}</dd></div>
+      <div class="fact"><dt>lens</dt><dd>{description?.intrinsics ? '✓ intrinsics given' : <>▲ none: <a href={hashOf('lens')}>make one</a></>}</dd></div>
       <div class="fact"><dt>clock</dt><dd>{description?.clock?.clock_id ?? missing}{description?.clock?.timebase ? `, ${description.clock.timebase}` : ''}{settings?.ptp ? ', PTP' : ''}</dd></div>
       <div class="fact"><dt>offset found</dt><dd>{clock?.time_offset_s === undefined ? missing : `${seconds(clock.time_offset_s)} ± ${seconds(clock.time_offset_sigma_s)}`}</dd></div>
       <div class="fact"><dt>sample spread</dt><dd>{seconds(clock?.sample_spread_s)}{epochs > 1 ? ` ▲ jumped ${epochs - 1}×` : ''}</dd></div>

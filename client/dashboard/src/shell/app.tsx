@@ -5,6 +5,7 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import { listAgents } from '../api/server_api';
 import { JoinPage } from '../join/join_page';
 import { LoginPage } from '../join/login_page';
+import { LensPage } from '../lens/lens_page';
 import { RecordsPage } from '../records/records_page';
 import { ResultPage } from '../result/result_page';
 import { RigPage } from '../rig/rig_page';
@@ -22,6 +23,7 @@ const titles: Record<(typeof pages)[number], readonly [string, string]> = {
   wave: ['Wave', 'M3 17L17 5M3 17m-2 0a2 2 0 1 0 4 0a2 2 0 1 0-4 0M9 12m-2 0a2 2 0 1 0 4 0a2 2 0 1 0-4 0M17 5m-2 0a2 2 0 1 0 4 0a2 2 0 1 0-4 0'],
   result: ['Result', 'M3 3v14h14M6 13l3-4 3 2 5-6'],
   rig: ['Rig', 'M2 6h9v8H2zM11 9l6-3v8l-6-3'],
+  lens: ['Lens', 'M10 10m-7 0a7 7 0 1 0 14 0a7 7 0 1 0-14 0M10 10m-3 0a3 3 0 1 0 6 0a3 3 0 1 0-6 0'],
   records: ['Sessions', 'M3 5h14M3 10h14M3 15h14'],
   join: ['Join', 'M10 4v12M4 10h12'],
 };
@@ -99,6 +101,7 @@ export function App(): JSX.Element {
       {page === 'wave' && <WavePage theme={theme} />}
       {page === 'result' && <ResultPage route={route} theme={theme} />}
       {page === 'rig' && <RigPage />}
+      {page === 'lens' && <LensPage route={route} theme={theme} />}
       {page === 'records' && <RecordsPage route={route} />}
       {page === 'join' && <JoinPage />}
       {page === 'login' && <LoginPage route={route} />}

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pages by hash: #/wave, #/result/c-000001?with=c-000002
 
-export const pages = ['wave', 'result', 'rig', 'records', 'join'] as const;
+export const pages = ['wave', 'result', 'rig', 'lens', 'records', 'join'] as const;
 /** A page of the navigation, the distance mode, or the login. */
 export type Page = (typeof pages)[number] | 'distance' | 'login';
 

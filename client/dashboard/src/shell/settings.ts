@@ -16,6 +16,7 @@ export interface Settings {
   blinkHz: string;
   tolerance: string;
   points: string;
+  board: string;
   untilMm: string;
   minSeconds: string;
   scene: '3d' | 'plan';
@@ -25,7 +26,7 @@ export interface Settings {
 
 const defaults: Settings = {
   theme: 'dark', beeps: true, speech: false, rig: '', targetKind: '', markers: '', diameter: '', blinkHz: '',
-  tolerance: '', points: '', untilMm: '0.5', minSeconds: '20', scene: '3d', pictures: true,
+  tolerance: '', points: '', board: '', untilMm: '0.5', minSeconds: '20', scene: '3d', pictures: true,
 };
 const key = 'rigcal';
 

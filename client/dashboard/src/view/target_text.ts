@@ -7,7 +7,7 @@ export type ParsedTarget = { target: Target; problem: '' } | { target: undefined
 
 /** The fields of a form. Lengths in metres, frequencies in hertz; empty: not given. */
 export interface TargetFields {
-  kind: 'wand' | 'rigid' | 'point';
+  kind: 'wand' | 'rigid' | 'point' | 'board';
   /** Positions along the wand. */
   markers: string;
   diameter: string;
@@ -17,10 +17,15 @@ export interface TargetFields {
   tolerance: string;
   /** A rigid target: a line for each point. */
   points: string;
+  /** A printed board, as on the command line. */
+  board: string;
 }
 
+/** The board that a form begins with. */
+export const usualBoard = 'board:checker,9x6,0.025';
+
 /** The wand of the eWand paper. */
-export const usualFields: TargetFields = { kind: 'wand', markers: '0, 0.13, 0.39', diameter: '', hz: '', tolerance: '', points: '' };
+export const usualFields: TargetFields = { kind: 'wand', markers: '0, 0.13, 0.39', diameter: '', hz: '', tolerance: '', points: '', board: usualBoard };
 
 /** One sigma of a coordinate that is not given, as in the file of a rigid target. */
 const usualSigmaM = 0.0005;
@@ -64,6 +69,11 @@ export function parsePoints(text: string): { points: TargetPoint[]; problem: str
 
 /** The target that the fields describe. */
 export function targetOf(fields: TargetFields): ParsedTarget {
+  if (fields.kind === 'board') {
+    const board = fields.board.trim();
+    if (!/^board:[a-z-]+,\d+x\d+,/.test(board)) return refuse(`A board is written as on the command line: ${usualBoard} (inner corners, metres).`);
+    return { target: { kind: 'KIND_RIGID', board }, problem: '' };
+  }
   const [diameter, tolerance] = [positive(fields.diameter), positive(fields.tolerance)];
   if (Number.isNaN(diameter)) return refuse('The diameter is a number of metres, such as 0.04, or empty.');
   if (diameter !== undefined && diameter > 1) return refuse(`A marker of ${fields.diameter.trim()} m: the diameter is in metres, such as 0.04.`);
@@ -97,6 +107,7 @@ export function targetOf(fields: TargetFields): ParsedTarget {
 /** The fields of a text in the form of the command line ("wand:0,0.13,0.39;diameter=0.04;hz=500"), which may be
  * pasted; undefined: it is none. */
 export function fieldsOfText(text: string): TargetFields | undefined {
+  if (text.trim().startsWith('board:')) return { ...usualFields, kind: 'board', board: text.trim() };
   const match = /^(wand|point)(?::([^;]*))?(;.*)?$/.exec(text.trim());
   if (!match) return undefined;
   const fields: TargetFields = { ...usualFields, kind: match[1] as 'wand' | 'point', markers: match[2] ?? usualFields.markers };
@@ -114,11 +125,13 @@ const shortNumber = (value: number): string => String(Number(value.toFixed(6)));
 export function fieldsOf(target: Target | undefined): TargetFields | undefined {
   const kind = { KIND_WAND: 'wand', KIND_RIGID: 'rigid', KIND_POINT: 'point' }[String(target?.kind)] as TargetFields['kind'] | undefined;
   if (!target || !kind) return undefined;
+  if (target.board) return { ...usualFields, kind: 'board', board: target.board };
   return {
     kind, markers: kind === 'wand' ? (target.marker_positions_m ?? []).map(shortNumber).join(', ') : usualFields.markers,
     diameter: target.diameter_m ? shortNumber(target.diameter_m) : '', hz: (target.blink_hz ?? []).map(shortNumber).join(', '),
     tolerance: target.span_tolerance_m ? shortNumber(target.span_tolerance_m) : '',
     points: (target.points ?? []).map((p) => [p.label, ...[p.x_m, p.y_m, p.z_m, p.sigma_m].map((v) => shortNumber(v ?? 0))].join(' ')).join('\n'),
+    board: usualBoard,
   };
 }
 

@@ -11,7 +11,7 @@ import { changeSettings, readSettings } from '../shell/settings';
 import { useLoaded } from '../shell/use_async';
 import type { RigState } from '../live/live_merge';
 import { count, span } from '../view/format';
-import { fieldsOf, fieldsOfText, type TargetFields, targetOf, usualFields } from '../view/target_text';
+import { fieldsOf, fieldsOfText, type TargetFields, targetOf, usualBoard, usualFields } from '../view/target_text';
 
 const states: Record<string, readonly [Mark, string]> = {
   STATE_CREATED: ['idle', 'created'], STATE_CAPTURING: ['live', 'capturing'], STATE_DRAINING: ['warn', 'draining'],
@@ -35,9 +35,9 @@ export function optionalPositive(text: string): number | undefined {
 /** What of the settings is a target: that of the last start here, else that of the rig's session, else the usual wand. */
 export function startFields(session: Session | undefined): TargetFields {
   const stored = readSettings();
-  if (stored.targetKind === 'wand' || stored.targetKind === 'rigid' || stored.targetKind === 'point') {
+  if (stored.targetKind === 'wand' || stored.targetKind === 'rigid' || stored.targetKind === 'point' || stored.targetKind === 'board') {
     return { kind: stored.targetKind, markers: stored.markers, diameter: stored.diameter, hz: stored.blinkHz,
-      tolerance: stored.tolerance, points: stored.points };
+      tolerance: stored.tolerance, points: stored.points, board: stored.board || usualBoard };
   }
   return fieldsOf(session?.target) ?? usualFields;
 }
@@ -53,7 +53,7 @@ export function NoCameras(): JSX.Element {
     they appear here by themselves. <a href={hashOf('join')}>Connect a PC</a> has the command for a new one.</p>;
 }
 
-const kinds: readonly (readonly [TargetFields['kind'], string])[] = [['wand', 'Wand'], ['rigid', 'Rigid target'], ['point', 'Single marker']];
+const kinds: readonly (readonly [TargetFields['kind'], string])[] = [['wand', 'Wand'], ['rigid', 'Rigid target'], ['point', 'Single marker'], ['board', 'Printed board']];
 
 /** The fields of a target. A text of the command line that is pasted into the first one fills all. */
 function TargetForm({ fields, onChange, disabled, invalid, eventCameras }: {
@@ -76,11 +76,15 @@ function TargetForm({ fields, onChange, disabled, invalid, eventCameras }: {
       <label class="wide">Or from a file<input type="file" accept=".txt,.csv,text/plain" disabled={disabled}
         onChange={(event) => void readFile(event.currentTarget.files?.[0])} /></label>
       <p class="hint wide">Detectors find wands only: the points of a rigid target come from marker files or another program.</p></>}
-    <label>Marker diameter, m
+    {fields.kind === 'board' && <>
+      <label class="wide">Board: kind, counts, metres
+        <input value={fields.board} {...common} aria-invalid={invalid} onInput={set('board')} /></label>
+      <p class="hint wide">Cameras without a lens can take part: page <a href={hashOf('lens')}>Lens</a> makes it from the recording.</p></>}
+    {fields.kind !== 'board' && <><label>Marker diameter, m
       <input value={fields.diameter} {...common} inputMode="decimal" placeholder="not known" onInput={set('diameter')} /></label>
     <label>Blink frequency, Hz
-      <input value={fields.hz} {...common} inputMode="text" placeholder="does not blink" onInput={set('hz')} /></label>
-    {fields.hz.trim() === '' && eventCameras.length > 0 && <p class="wide why"><Chip mark="warn">{eventCameras[0]}</Chip> is an event
+      <input value={fields.hz} {...common} inputMode="text" placeholder="does not blink" onInput={set('hz')} /></label></>}
+    {fields.kind !== 'board' && fields.hz.trim() === '' && eventCameras.length > 0 && <p class="wide why"><Chip mark="warn">{eventCameras[0]}</Chip> is an event
       camera: it finds the wand by its blink frequency. Without it, the agent assumes one.</p>}
   </>;
 }
@@ -103,13 +107,13 @@ function StartForm({ rig, stale, onStarted }: { rig: RigState; stale: boolean; o
   const chosen = usable.filter((name) => !without.has(name));
   const sensors = new Map((agents.value?.agents ?? []).flatMap((agent) => agent.cameras ?? []).map((camera) => [camera.camera ?? '', camera.sensor]));
   // Its expected error is not estimated while it is waved.
-  const noGoal = fields.kind === 'rigid' && !goOn;
+  const noGoal = (fields.kind === 'rigid' || fields.kind === 'board') && !goOn;
   const start = async (): Promise<void> => {
     if (!parsed.target) throw new Error(parsed.problem);
     if (Number.isNaN(until)) throw new Error('The goal is a number of millimetres, or empty.');
     if (Number.isNaN(least)) throw new Error('The shortest time is a number of seconds, or empty.');
     changeSettings({ targetKind: fields.kind, markers: fields.markers, diameter: fields.diameter, blinkHz: fields.hz,
-      tolerance: fields.tolerance, points: fields.points, untilMm, minSeconds });
+      tolerance: fields.tolerance, points: fields.points, board: fields.board, untilMm, minSeconds });
     const session = await createSession({ rig: rig.rig || undefined, title: title || undefined,
       target: goOn && before?.target ? before.target : parsed.target,
       goal: until && !noGoal ? { until_mm: until, ...(least ? { min_duration: toDuration(least) } : {}) } : undefined,

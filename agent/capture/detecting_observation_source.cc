@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "agent/capture/camera_status.h"
 #include "agent/detect/frame/colour_share.h"
 #include "common/status/status_macros.h"
@@ -15,7 +16,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr std::chrono::seconds kWarnInterval{10};
-constexpr int kFramesOfOtherWand = 20, kInterlacedFrames = 20;  // before it is said
+constexpr int kFramesOfOtherTarget = 20, kInterlacedFrames = 20;  // before it is said
 // Of the image: background that is worth a line in the log, and again when it has grown so much.
 constexpr double kWorthALine = 1e-4, kGrown = 2;
 
@@ -69,7 +70,7 @@ absl::Status DetectingObservationSource::Start(const Target& target) {
   reported_background_ = 0;
   exposure_facts_ = {.blink_s = BlinkPeriodS(target)};
   exposure_checked_ = false;
-  other_wand_frames_ = interlaced_frames_ = 0;
+  other_target_frames_ = interlaced_frames_ = 0;
   detection_ = {};
   detections_ = {};
   refused_ = {};
@@ -176,25 +177,36 @@ void DetectingObservationSource::CheckExposure(const Frame& frame) {
       description().camera, frame.exposure_s * 1e3, blink_s * 1e3);
 }
 
-// Once in a capture, and never where the wand was seen.
-void DetectingObservationSource::CheckWand() {
-  const bool is_other = detection_.other_middle_share > 0 || detection_.other_size_ratio > 0;
-  if (detections_.Of(DetectionOutcome::kWand) > 0 || !is_other) return;
-  if (++other_wand_frames_ != kFramesOfOtherWand) return;
+std::string DetectingObservationSource::OtherTarget() const {
   if (detection_.other_size_ratio > 0) {
-    spdlog::warn(
-        "camera {}: three like spheres are spaced as the target says, but look {:.2g} times as "
-        "large for their distance as a diameter of {} m does. Check diameter= and the positions "
-        "of --target (metres)",
-        description().camera, detection_.other_size_ratio, target_.diameter_m);
-    return;
+    return absl::StrFormat(
+        "three like spheres are spaced as the target says, but look %.2g times as large for their "
+        "distance as a diameter of %g m does. Check diameter= and the positions of --target "
+        "(metres)",
+        detection_.other_size_ratio, target_.diameter_m);
   }
-  const std::vector<double>& told_m = target_.marker_positions_m;
-  const double told = told_m[1] / told_m.back();
-  spdlog::warn(
-      "camera {}: three like spheres in line are no wand as told: the middle one is at {:.2f} of "
-      "their distance, the target says {:.2f}. Check --target",
-      description().camera, detection_.other_middle_share, std::min(told, 1 - told));
+  if (detection_.other_middle_share > 0) {
+    const std::vector<double>& told_m = target_.marker_positions_m;
+    const double told = told_m[1] / told_m.back();
+    return absl::StrFormat(
+        "three like spheres in line are no wand as told: the middle one is at %.2f of their "
+        "distance, the target says %.2f. Check --target",
+        detection_.other_middle_share, std::min(told, 1 - told));
+  }
+  return detection_.other_target;
+}
+
+// Never where the target was seen, and not of single frames.
+void DetectingObservationSource::CheckTarget() {
+  const bool is_other = detection_.other_middle_share > 0 || detection_.other_size_ratio > 0 ||
+                        !detection_.other_target.empty();
+  if (detections_.Of(DetectionOutcome::kWand) > 0 || !is_other) return;
+  if (++other_target_frames_ < kFramesOfOtherTarget) return;
+  const std::string what = OtherTarget();
+  const bool is_first = other_target_frames_ == kFramesOfOtherTarget;
+  refused_.Add("", RefusalReason::kOtherTarget,
+               is_first ? static_cast<uint64_t>(kFramesOfOtherTarget) : 1, what);
+  if (is_first) spdlog::warn("camera {}: {}", description().camera, what);
 }
 
 // Once in a capture.
@@ -209,7 +221,7 @@ void DetectingObservationSource::CheckInterlacing() {
 
 void DetectingObservationSource::Note(const Frame& frame) {
   detections_.Add(detection_.outcome);
-  CheckWand();
+  CheckTarget();
   CheckInterlacing();
   const auto example = [&](std::string_view what) {
     return absl::StrCat("frame at ", frame.time_ns, " ns: ", std::string(what));

@@ -83,7 +83,9 @@ class DetectingObservationSource : public ObservationSource {
   bool LearnsMask(const Frame& frame);
   void NoteBackground(const Frame& frame);
   void CheckExposure(const Frame& frame);
-  void CheckWand();
+  // What the frame shows instead of the target, for people.
+  std::string OtherTarget() const;
+  void CheckTarget();
   void CheckInterlacing();
   void Note(const Frame& frame);
   void Warn(RefusalReason reason, const std::string& what);
@@ -102,7 +104,7 @@ class DetectingObservationSource : public ObservationSource {
   ExposureFacts exposure_facts_;
   std::optional<int64_t> learn_until_ns_;
   bool exposure_checked_ = false;
-  int other_wand_frames_ = 0, interlaced_frames_ = 0;  // that show another wand than the target
+  int other_target_frames_ = 0, interlaced_frames_ = 0;  // that show another wand than the target
   Detection detection_;
   DetectionCounts detections_;
   RefusalCounter refused_;

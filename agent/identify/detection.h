@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
+
 #include "common/target/detection_outcome.h"
 #include "common/target/observation.h"
 
@@ -30,6 +32,8 @@ struct Detection {
   // Without a wand (OtherWand): where the middle one of three like spheres is, if not where told;
   // or how many times as large as told three well-spaced ones look. 0: no such three.
   double other_middle_share = 0, other_size_ratio = 0;
+  // Without a target: what is there instead, and what to say as --target. Empty: nothing is known.
+  std::string other_target;
   bool looks_interlaced = false;  // odd and even rows show moving things at two places
 };
 

@@ -11,10 +11,12 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "common/target/target_words.h"
 #include "server/associate/repeated_rows.h"
 #include "server/associate/stamp_units.h"
 #include "server/associate/static_points.h"
@@ -307,6 +309,23 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   return Finish(rig, options, input.parent, &*solved);
 }
 
+// What people read of it, about the target that they waved.
+void SpeakOfTarget(const Target& target, absl::StatusOr<CalibrationResult>* result) {
+  if (!result->ok()) {
+    const absl::Status& status = result->status();
+    absl::Status spoken(status.code(), SpeakOf(target, std::string(status.message())));
+    status.ForEachPayload([&](std::string_view url, const absl::Cord& payload) {
+      spoken.SetPayload(url, payload);
+    });
+    *result = std::move(spoken);
+    return;
+  }
+  for (Finding& finding : (*result)->findings) {
+    finding.advice = SpeakOf(target, std::move(finding.advice));
+  }
+  for (std::string& reason : (*result)->quality.reasons) reason = SpeakOf(target, std::move(reason));
+}
+
 }  // namespace
 
 CalibrationOutcome Calibrate(CalibrationInput input, const CalibrationOptions& options,
@@ -321,6 +340,7 @@ CalibrationOutcome Calibrate(CalibrationInput input, const CalibrationOptions& o
   } catch (const std::exception& error) {
     outcome.result = absl::InternalError(absl::StrCat("calibration: ", error.what()));
   }
+  if (input.other_targets.empty()) SpeakOfTarget(input.target, &outcome.result);
   outcome.refused = refused.List();
   if (outcome.result.ok()) outcome.result->refused = outcome.refused;
   return outcome;

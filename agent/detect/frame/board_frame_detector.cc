@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "agent/detect/board/board_counts.h"
 #include "agent/detect/frame/image_exposure.h"
 #include "agent/identify/wand_finder.h"
 #include "common/camera/camera_model.h"
@@ -29,6 +30,10 @@ constexpr int kImagesPerFullSearch = 4;
 constexpr double kCircleFloorPx = 0.02;
 constexpr uint8_t kIgnoredGrey = 128;
 constexpr size_t kLeastPosePoints = 6;
+// Pictures in which other counts are looked for, if the board was never seen, and how many images
+// are between them.
+constexpr size_t kPicturesOfOther = 4;
+constexpr int kImagesBetween = 5;
 
 PixelRect BoxOf(const std::vector<Eigen::Vector2d>& pixels, const PixelRect& bounds, double room) {
   constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -80,6 +85,18 @@ double PointSigma(const Board& board, const std::vector<Eigen::Vector2d>& pixels
   return kSigmaOverMad * UpperMedian(std::move(differences)) / std::sqrt(20.0);
 }
 
+// Of a grey image, it is the image itself.
+cv::Mat GreyOf(const ImageView& image) {
+  const int type = image.format == PixelFormat::kMono8 ? CV_8UC1 : CV_8UC3;
+  // OpenCV does not write through it.
+  const cv::Mat view(image.height, image.width, type, const_cast<uint8_t*>(image.data),
+                     static_cast<size_t>(image.stride_bytes));
+  if (image.format == PixelFormat::kMono8) return view;
+  cv::Mat grey;
+  cv::cvtColor(view, grey, cv::COLOR_BGR2GRAY);
+  return grey;
+}
+
 }  // namespace
 
 BoardFrameDetector::BoardFrameDetector(const Target& target, const CameraDescription& camera,
@@ -128,15 +145,7 @@ absl::StatusOr<std::optional<SeenBoard>> BoardFrameDetector::Search(const ImageV
 void BoardFrameDetector::Keep(const ImageView& image, const std::vector<Eigen::Vector2d>& pixels) {
   last_px_ = pixels;
   if (board_.kind != BoardKind::kChecker) return;
-  const int type = image.format == PixelFormat::kMono8 ? CV_8UC1 : CV_8UC3;
-  // OpenCV does not write through it.
-  const cv::Mat view(image.height, image.width, type, const_cast<uint8_t*>(image.data),
-                     static_cast<size_t>(image.stride_bytes));
-  if (image.format == PixelFormat::kMono8) {
-    view.copyTo(last_grey_);
-  } else {
-    cv::cvtColor(view, last_grey_, cv::COLOR_BGR2GRAY);
-  }
+  GreyOf(image).copyTo(last_grey_);
 }
 
 absl::StatusOr<std::optional<SeenBoard>> BoardFrameDetector::FollowIn(const ImageView& image,
@@ -197,6 +206,18 @@ void BoardFrameDetector::CorrectCircles(std::vector<Eigen::Vector2d>* pixels) co
   }
 }
 
+void BoardFrameDetector::LookForOther(const ImageView& image) {
+  if (was_seen_ || other_.size() >= kPicturesOfOther || missed_ % kImagesBetween != 1) return;
+  other_.push_back(GreyOf(image).clone());
+  if (other_.size() < kPicturesOfOther) return;
+  const std::optional<CountsGuess> guess = GuessCounts(board_, other_);
+  for (cv::Mat& picture : other_) picture.release();
+  if (!guess || static_cast<size_t>(guess->pictures) * 2 < kPicturesOfOther) return;
+  other_target_ = absl::StrCat("the images show a board of ", guess->board.columns, "x",
+                               guess->board.rows, ", not of ", board_.columns, "x", board_.rows,
+                               ": say --target ", FormatBoard(guess->board));
+}
+
 absl::StatusOr<Detection> BoardFrameDetector::Detect(const ImageView& image, int64_t time_ns,
                                                      uint32_t clock_epoch) {
   RIGCAL_RETURN_IF_ERROR(CheckImage(camera_, image));
@@ -216,6 +237,8 @@ absl::StatusOr<Detection> BoardFrameDetector::Detect(const ImageView& image, int
   if (!seen) {
     ++missed_;
     last_px_.clear();
+    LookForOther(searched);
+    detection.other_target = other_target_;
     const ImageExposure exposure = LookAtExposure(image);
     detection.outcome = exposure == ImageExposure::kSaturated ? DetectionOutcome::kSaturated
                         : exposure == ImageExposure::kBlack   ? DetectionOutcome::kBlack
@@ -223,6 +246,9 @@ absl::StatusOr<Detection> BoardFrameDetector::Detect(const ImageView& image, int
     return detection;
   }
   missed_ = 0;
+  was_seen_ = true;
+  other_.clear();
+  other_target_.clear();
   moved_px_.setZero();
   int both = 0;
   for (size_t i = 0; detection.tracked && i < last_px_.size(); ++i) {

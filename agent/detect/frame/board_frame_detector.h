@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "agent/detect/board/board_detector.h"
@@ -39,6 +40,8 @@ class BoardFrameDetector : public FrameDetector {
   absl::StatusOr<std::optional<SeenBoard>> FollowIn(const ImageView& image, const PixelRect& part);
   absl::StatusOr<std::optional<SeenBoard>> Search(const ImageView& image);
   void Keep(const ImageView& image, const std::vector<Eigen::Vector2d>& pixels);
+  // Of boards that were never seen: whether there is one with other counts.
+  void LookForOther(const ImageView& image);
   ImageView WithoutIgnored(const ImageView& image);
   // Moves the images of circles to those of their centres, where the lens is known.
   void CorrectCircles(std::vector<Eigen::Vector2d>* pixels) const;
@@ -54,6 +57,9 @@ class BoardFrameDetector : public FrameDetector {
   Eigen::Vector2d moved_px_ = Eigen::Vector2d::Zero();  // from the image before to the last one
   uint32_t epoch_ = 0;
   int missed_ = 0;  // images in a row
+  bool was_seen_ = false;
+  std::vector<cv::Mat> other_;  // images without the board, to look for another one in
+  std::string other_target_;    // Detection::other_target
 };
 
 }  // namespace rigcal::agent

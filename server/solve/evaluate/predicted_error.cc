@@ -15,8 +15,6 @@ namespace {
 constexpr double kAcceptedShare = 0.01;  // of the distance
 constexpr int64_t kBlockNs = 2'000'000'000;
 constexpr int kMinInstantsOfBlock = 4;
-constexpr int kMinBlocks = 4;
-constexpr int kMinInstants = 60;
 constexpr size_t kMinFolds = 3;
 
 int UsedInstants(const BundleProblem& problem) {
@@ -102,8 +100,8 @@ PredictedError PredictError(const RigSolution& solution,
         Largest(FrameFreeCentreDistances(cam_from_rig, refined->cam_from_rig, middle_m));
   }
   error.sigma_m = std::max({error.stated_m, error.by_folds_m, error.by_intrinsics_m});
-  error.holds = uncertainty && error.block_count >= kMinBlocks &&
-                error.instant_count >= kMinInstants && folds.size() >= kMinFolds;
+  error.holds = uncertainty && error.block_count >= kMinPredictedBlocks &&
+                error.instant_count >= kMinPredictedInstants && folds.size() >= kMinFolds;
   return error;
 }
 

@@ -18,6 +18,10 @@ struct FoldPoses {
 
 FoldPoses FoldPosesOf(const RigSolution& fold, int all_instants);
 
+// Least data for which the prediction holds.
+inline constexpr int kMinPredictedInstants = 60;
+inline constexpr int kMinPredictedBlocks = 4;
+
 // How far the camera positions are expected to be off, and what would be accepted. Lengths are in
 // the unit of the solution.
 struct PredictedError {

@@ -205,13 +205,22 @@ void EvaluateTarget(const CalibratedTarget& target, GradeBuilder* grade_builder)
 void EvaluatePrediction(const PredictedError& predicted, double unit_mm, const std::string& unit,
                         GradeBuilder* grade_builder) {
   if (!predicted.holds) {
+    std::string why;
+    if (predicted.instant_count < kMinPredictedInstants ||
+        predicted.block_count < kMinPredictedBlocks) {
+      why = absl::StrFormat("%d instants in %d blocks of 2 s; at least %d in %d are needed",
+                            predicted.instant_count, predicted.block_count, kMinPredictedInstants,
+                            kMinPredictedBlocks);
+    } else if (!std::isfinite(predicted.stated_m)) {
+      why = "the data leave some of it open, so that no uncertainty is known";
+    } else {
+      why = absl::StrFormat("of 4 parts of the recording only %d could be solved by themselves",
+                            predicted.fold_count);
+    }
     grade_builder->Add(
         QualityGrade::kBad,
-        absl::StrFormat("too little data to say how accurate it is: %d instants in %d blocks of 2 "
-                        "s (at least 60 in 4 are needed), of which %d of 4 parts were solved%s; "
-                        "record longer, and turn the wand",
-                        predicted.instant_count, predicted.block_count, predicted.fold_count,
-                        std::isfinite(predicted.stated_m) ? "" : ", and no uncertainty is known"));
+        absl::StrCat("too little data to say how accurate it is (", why,
+                     "): record longer, and turn the wand"));
     return;
   }
   const QualityLimit limit = {kQualityLimits.predicted_error.good * predicted.accepted_m,

@@ -49,7 +49,7 @@ FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& findi
 //   usable  a limit for `good` is passed, nothing could be held out or too little of a camera, or
 //           a finding names what the solve has not taken out (wrong_intrinsics and clock_offset
 //           where these were kept as given, rolling_shutter whose line delay is not estimated,
-//           wrong_wand_length, weak_link,
+//           wrong_wand_length, wrong_target_shape, weak_link,
 //           narrow_baseline, loose_pose)
 //   good    otherwise
 // The reasons are those for the grade, by camera, with figure and limit; for `good` they are the

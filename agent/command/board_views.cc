@@ -85,7 +85,9 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
   const auto points = board.Points();
   std::vector<cv::Mat> bare;
   // What a simulated camera shows; others ignore it.
-  RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget("wand:0,0.13,0.39"));
+  Target target;
+  target.kind = TargetKind::kRigid;
+  target.board = FormatBoard(board);
   RIGCAL_RETURN_IF_ERROR(frames->Start(target));
   while (options.views == 0 || static_cast<int>(result.views.size()) < options.views) {
     RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames->Next());

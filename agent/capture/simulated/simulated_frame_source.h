@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -10,12 +11,15 @@
 #include "absl/status/statusor.h"
 #include "agent/capture/frame_source.h"
 #include "agent/capture/simulated/simulated_camera.h"
+#include "common/board/board.h"
+#include "common/simulation/frames/board_renderer.h"
 #include "common/simulation/frames/frame_renderer.h"
 
 namespace rigcal::agent {
 
 struct SimulatedFrameSourceOptions : SimulatedCameraOptions {
   FrameRenderOptions rendering;  // light, lens and sensor
+  bool held_before = false;      // a board is held right before this camera, as for its lens
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const {
@@ -28,7 +32,8 @@ struct SimulatedFrameSourceOptions : SimulatedCameraOptions {
 void AddOptions(SimulatedFrameSourceOptions* options, OptionTable* table);
 
 // The frames of one camera of a simulated world, rendered on request, with the timestamps
-// and clocks that SimulatedObservationSource gives its observations.
+// and clocks that SimulatedObservationSource gives its observations. The target is a wand, a point,
+// or a printed board.
 class SimulatedFrameSource : public SimulatedSource<FrameSource, SimulatedFrameSourceOptions> {
  public:
   using SimulatedSource::SimulatedSource;
@@ -40,7 +45,11 @@ class SimulatedFrameSource : public SimulatedSource<FrameSource, SimulatedFrameS
   FrameCounts counts() const override { return counts_; }
 
  private:
-  std::optional<FrameRenderer> renderer_;
+  void RenderBoard();  // the next frame, to bgr_
+
+  std::optional<FrameRenderer> renderer_;  // of the wand
+  std::optional<BoardRenderer> board_renderer_;
+  Board board_;
   std::vector<uint8_t> bgr_;  // what the frame yielded last shows
   FrameCounts counts_;
 };

@@ -2,7 +2,7 @@
 // Printed boards. First their points in rendered pictures: found, errors against the projections of
 // the points (of circles, of the centroids of their images), and the stated sigmas, by tilt. Then
 // lenses from what a camera shows of a board, without pictures: how far the result is from the true
-// lens over the image, and whether its stated sigmas hold.
+// lens over the image, and whether its stated sigmas hold. Then rigs from a waved board.
 #include <fmt/core.h>
 
 #include <Eigen/Geometry>
@@ -22,6 +22,7 @@
 #include "tests/accuracy/detection/detection_experiments.h"
 #include "tests/accuracy/seed_options.h"
 #include "tests/accuracy/seed_runs.h"
+#include "tests/accuracy/solver/line_delays_experiment.h"
 #include "tests/agent/detect/board/rendered_board.h"
 #include "tests/common/lens/known_lens.h"
 
@@ -32,6 +33,7 @@ constexpr const char* kBoards[] = {
     "board:checker,9x6,0.03", "board:charuco,9x6,0.035,0.025,5x5_100",
     "board:aprilgrid,6x4,0.04,0.3", "board:circles,4x11,0.02", "board:circles-symmetric,9x6,0.03"};
 constexpr double kTiltsDeg[] = {0, 30, 45, 60};
+constexpr double kRigSeconds = 20;
 
 struct BoardCase {
   std::string name;
@@ -227,17 +229,62 @@ void PrintLenses(const SeedOptions& seeds) {
   }
 }
 
+// A board that is waved before cameras that nothing synchronises, with rolling shutters. Their
+// points are simulated; of a plane both sides are seen.
+void PrintRig(const SeedOptions& seeds) {
+  fmt::print(
+      "\nboard:checker,9x6,0.04 waved for {} s before 4 cameras of 25 Hz, 0.3 px: free-running, "
+      "rolling shutters of 5 to\n50 us a row, clocks off by up to as much; errors over the "
+      "Cramer-Rao bound\n{:>8} {:>7} {:>8} {:>10} {:>9} {:>9} {:>16} {:>17} {:>6}\n",
+      kRigSeconds, "clocks", "solved", "rejected", "positions", "offsets", "shutters",
+      "offset RMS, ms", "worst offset, ms", "CPU s");
+  for (const double largest_offset_s : {0.0, 0.5, 5.0}) {
+    LineDelaysOptions options;
+    options.target = *MakeBoardTarget(*ParseBoard("board:checker,9x6,0.04"), 0);
+    options.camera_count = 4;
+    options.duration_s = kRigSeconds;
+    options.rate_hz = 25;
+    options.largest_offset_s = largest_offset_s;
+    const auto trials = RunAll<LineDelaysTrial>(seeds.count, seeds.threads, [&](int i) {
+      return RunLineDelaysTrial(options, static_cast<uint32_t>(seeds.first + i));
+    });
+    double worst_s = 0, squares_s2 = 0, cpu_s = 0;
+    int offsets = 0;
+    for (size_t i = 0; i < trials.size(); ++i) {
+      const LineDelaysTrial& trial = trials[i];
+      if (!trial.status.ok()) {
+        fmt::print("  seed {}: {}\n", seeds.first + static_cast<int>(i), trial.status.ToString());
+        continue;
+      }
+      worst_s = std::max(worst_s, trial.worst_offset_s);
+      squares_s2 += trial.offset_error_s2;
+      offsets += trial.camera_count - 1;
+      cpu_s += trial.cpu_s / static_cast<double>(trials.size());
+    }
+    const LineDelaysSummary summary = Summarise(trials);
+    fmt::print("{:6.1f} s {:7} {:8} {:10.2f} {:9.2f} {:9.2f} {:16.4f} {:17.4f} {:6.1f}\n",
+               largest_offset_s, static_cast<int>(trials.size()) - summary.failed, summary.failed,
+               summary.rmse_by_bound, summary.offset_by_bound, summary.delay_by_bound,
+               1e3 * std::sqrt(squares_s2 / std::max(1, offsets)), 1e3 * worst_s, cpu_s);
+  }
+}
+
+// The part that --only names, or all of them.
+int RunBoards(const SeedOptions& seeds) {
+  const auto is_wanted = [&](const char* part) { return seeds.only.empty() || seeds.only == part; };
+  if (is_wanted("points")) PrintPoints(seeds);
+  if (is_wanted("lenses")) PrintLenses(seeds);
+  if (is_wanted("rig")) PrintRig(seeds);
+  return 0;
+}
+
 }  // namespace
 
 Experiment Boards() {
   SeedOptions defaults;
   defaults.count = 20;
-  return SeedExperiment("boards", "points of printed boards, and lenses from them", defaults,
-                        [](const SeedOptions& seeds) {
-                          if (seeds.only != "lenses") PrintPoints(seeds);
-                          if (seeds.only != "points") PrintLenses(seeds);
-                          return 0;
-                        });
+  return SeedExperiment("boards", "points of printed boards, lenses from them, and rigs", defaults,
+                        RunBoards);
 }
 
 }  // namespace rigcal::accuracy

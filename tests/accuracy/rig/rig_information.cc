@@ -78,6 +78,8 @@ class InformationSum {
     const Eigen::Vector3d& direction = instant.wand.direction;
     const Eigen::Vector3d arm =
         is_rigid ? instant.wand.rotation * rig_.points_m[m] : Eigen::Vector3d(s * direction);
+    const Eigen::Vector3d velocity_m_s =
+        instant.origin_velocity_m_s + instant.turn_rad_s.cross(arm);
     const Eigen::Vector3d x_in_cam = camera.cam_from_rig * (instant.wand.origin_m + arm);
     if (!(x_in_cam.z() > 0)) {
       return absl::FailedPreconditionError(
@@ -112,15 +114,12 @@ class InformationSum {
       }
       if (options_.time_offsets && seen.camera != rig_.reference_camera) {
         // With a larger offset the camera saw the wand at a later instant.
-        (*rig_columns)(i, layout_.TimeOffsetIndex(seen.camera)) =
-            rig_row.dot(instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s);
+        (*rig_columns)(i, layout_.TimeOffsetIndex(seen.camera)) = rig_row.dot(velocity_m_s);
       }
     }
     if (options_.line_delays) {
       // As a time offset of the marker's row; later is the same as a larger offset.
       const double row = projected.pixel[1] - camera.middle_row;
-      const Eigen::Vector3d velocity_m_s =
-          instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s;
       for (int i = 0; i < 2; ++i) {
         const Eigen::RowVector3d in_cam(rows[i].x, rows[i].y, rows[i].z);
         (*rig_columns)(i, layout_.first_line_delay + seen.camera) =
@@ -185,9 +184,8 @@ absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOp
 
 absl::StatusOr<RigBound> ComputeRigInformation(const TrueRig& rig,
                                                const InformationOptions& options) {
-  if (!rig.points_m.empty() &&
-      (options.marker_positions || options.time_offsets || options.line_delays)) {
-    return absl::InvalidArgumentError("no bound of marker positions or clocks of a rigid target");
+  if (!rig.points_m.empty() && options.marker_positions) {
+    return absl::InvalidArgumentError("no bound of marker positions of a rigid target");
   }
   RigBound bound;
   bound.reference_camera = rig.reference_camera;
@@ -286,7 +284,13 @@ TrueRig MakeTrueRig(const SimulatedWorld& world, int reference) {
     instant.wand = wand_at(rig_time_s);
     const WandPose before = wand_at(rig_time_s - kStepS), after = wand_at(rig_time_s + kStepS);
     instant.origin_velocity_m_s = (after.origin_m - before.origin_m) / (2 * kStepS);
-    instant.direction_velocity_rad_s = (after.direction - before.direction) / (2 * kStepS);
+    // Of a line the turn about itself is open, and moves no marker.
+    const Eigen::AngleAxisd turn(Eigen::Quaterniond(after.rotation) *
+                                 Eigen::Quaterniond(before.rotation).conjugate());
+    instant.turn_rad_s =
+        rig.points_m.empty()
+            ? instant.wand.direction.cross((after.direction - before.direction) / (2 * kStepS))
+            : Eigen::Vector3d(turn.angle() * turn.axis() / (2 * kStepS));
     for (int c = 0; c < static_cast<int>(rig.cameras.size()); ++c) {
       std::vector<bool> is_outlier;
       const Observation row = world.Observe(c, frame, &is_outlier);

@@ -25,9 +25,10 @@ struct SeenMarker {
 };
 struct TrueInstant {
   WandPose wand;
-  // How fast the wand's marker 0 and its direction move; for time offsets.
+  // How fast marker 0, or the origin of a rigid target, moves, and how fast the target turns; for
+  // time offsets.
   Eigen::Vector3d origin_velocity_m_s = Eigen::Vector3d::Zero();
-  Eigen::Vector3d direction_velocity_rad_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d turn_rad_s = Eigen::Vector3d::Zero();
   std::vector<SeenMarker> markers;
 };
 struct TrueRig {
@@ -39,8 +40,7 @@ struct TrueRig {
 };
 
 // Parameters estimated besides the poses of the cameras and of the target in every instant, with
-// the sigmas of their priors (must be positive). With a rigid target neither marker positions nor
-// time offsets.
+// the sigmas of their priors (must be positive). With a rigid target no marker positions.
 struct InformationOptions {
   bool marker_positions = false;
   double span_sigma_m = 0.002;

@@ -97,8 +97,9 @@ Eigen::VectorXd EstimateOnce(const TrueRig& given, const InformationOptions& opt
       }
       marker.centre_px = centre_px;
       marker.velocity_px_s =
-          d_point * (camera.cam_from_rig.rotation *
-                     (instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s));
+          d_point *
+          (camera.cam_from_rig.rotation *
+           (instant.origin_velocity_m_s + instant.turn_rad_s.cross(s * instant.wand.direction)));
       marker.centre_px += true_offset_s[seen.camera] * marker.velocity_px_s;
       const Eigen::LLT<Eigen::Matrix2d> factor(seen.covariance_px2);
       marker.centre_px += factor.matrixL() * noise();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/solver/line_delays_experiment.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/simulation/world/random_stream.h"
@@ -76,7 +77,9 @@ absl::Status MeasureShutters(const SimulatedWorld& world, TrajectoryChoice traje
     trial->squared_error_m2 += camera.pose.position_m.squaredNorm();
     trial->bound_m2 += bound.PositionCovariance(camera.index).trace();
     const int offset = bound.TimeOffsetIndex(camera.index);
-    trial->offset_error_s2 += std::pow(camera.time_offset_s - reference_s, 2);
+    const double offset_error_s = camera.time_offset_s - reference_s;
+    trial->worst_offset_s = std::max(trial->worst_offset_s, std::abs(offset_error_s));
+    trial->offset_error_s2 += offset_error_s * offset_error_s;
     trial->offset_bound_s2 += bound.covariance(offset, offset);
   }
   return absl::OkStatus();
@@ -86,7 +89,7 @@ absl::Status MeasureShutters(const SimulatedWorld& world, TrajectoryChoice traje
 
 LineDelaysTrial RunLineDelaysTrial(const LineDelaysOptions& options, uint32_t seed) {
   LineDelaysTrial trial;
-  const auto world = SimulatedWorld::Create(DrawShutters(options, seed), NamedTarget("wand"));
+  const auto world = SimulatedWorld::Create(DrawShutters(options, seed), options.target);
   trial.status = world.ok() ? MeasureShutters(*world, options.trajectory, &trial) : world.status();
   return trial;
 }

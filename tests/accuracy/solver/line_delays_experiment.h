@@ -9,12 +9,14 @@
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
 #include "tests/accuracy/rig/rig_covariance.h"
+#include "tests/accuracy/solver/crb_experiment.h"
 
 namespace rigcal::accuracy {
 
 // Rolling shutters in every camera of a simulated rig, some of them read upwards. Spacing and
 // intrinsics are right and fixed.
 struct LineDelaysOptions {
+  Target target = NamedTarget("wand");
   int camera_count = 6;
   double duration_s = 40;
   double rate_hz = 50;
@@ -31,6 +33,7 @@ struct LineDelaysTrial {
   double squared_error_m2 = 0, bound_m2 = 0;        // of the positions, scale included
   double delay_error_s2 = 0, delay_bound_s2 = 0;    // of the line delays
   double offset_error_s2 = 0, offset_bound_s2 = 0;  // of the offsets against the reference camera's
+  double worst_offset_s = 0;                        // of them
   std::optional<RigNees> stated;                    // against the solver's covariance
   int camera_count = 0;
   int missed = 0;       // cameras without an estimated line delay

@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
@@ -14,8 +15,10 @@
 #include "agent/command/subcommands.h"
 #include "common/import/intrinsics_file.h"
 #include "common/lens/lens_difference.h"
+#include "common/simulation/world/simulated_world.h"
 #include "tests/agent/detect/board/rendered_board.h"
 #include "tests/common/lens/known_lens.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -96,6 +99,38 @@ TEST(IntrinsicsCommand, FindsAFisheyeFromAFolderOfPictures) {
   const Board board = *ParseBoard("board:checker,9x6,0.025");
   ExpectLensFound(KnownFisheye(),
                   WavedBoard(board, KnownFisheye(), kKnownImage, 25, 0.18, 0.25, 0.7, 6, 0.6));
+}
+
+TEST(IntrinsicsCommand, FindsTheLensOfASimulatedCamera) {
+  const TemporaryDirectory folder;
+  const std::string file = folder.path() / "lens.yaml";
+  const Outcome outcome = RunIntrinsics({"sim:camera=1;pixels=1;held=1;rate=2;duration=20;speed=max",
+                                         "--board", "board:checker,9x6,0.04", "--output", file});
+  ASSERT_THAT(outcome.status, IsOk());
+  const auto world = SimulatedWorld::Create(*ParseSimulationOptions("rate=2;duration=20"),
+                                            *ParseTarget("wand:0,0.13,0.39"));
+  ASSERT_THAT(world, IsOk());
+  const SimulatedCamera& camera = world->cameras()[1];
+  const auto read = ReadIntrinsicsFile(file);
+  ASSERT_THAT(read, IsOk());
+  const auto difference =
+      CompareLenses(camera.true_intrinsics, read->intrinsics, camera.description.image_size_px);
+  ASSERT_THAT(difference, IsOk());
+  EXPECT_LE(difference->p95_px, 0.3);
+}
+
+TEST(IntrinsicsCommand, NamesFilesThatAreNoPictureOfTheCamera) {
+  const TemporaryDirectory folder;
+  const Board board = *ParseBoard("board:checker,9x6,0.025");
+  const fs::path left = folder.path() / "left";
+  Render(board, KnownPinhole(),
+         WavedBoard(board, KnownPinhole(), kKnownImage, 12, 0.33, 0.45, 0.7, 5, 0.5), left);
+  ASSERT_TRUE(cv::imwrite(left / "small.png", cv::Mat(120, 160, CV_8UC1, cv::Scalar(90))));
+  std::ofstream(left / "torn.png") << "not a picture";
+  const Outcome outcome = RunIntrinsics({left.string(), "--board", "board:checker,9x6,0.025",
+                                         "--output", (folder.path() / "lens.yaml").string()});
+  ASSERT_THAT(outcome.status, IsOk());
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("small.png is 160x120 pixels"), HasSubstr("torn.png")));
 }
 
 TEST(IntrinsicsCommand, NamesTheBoardThatIsThere) {

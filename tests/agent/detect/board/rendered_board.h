@@ -1,39 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <opencv2/core.hpp>
-#include <vector>
 
 #include "agent/detect/blobs/image_view.h"
-#include "common/board/board.h"
-#include "common/camera/intrinsics.h"
-#include "common/geometry/rigid_transform.h"
+#include "common/simulation/frames/board_renderer.h"
 
 namespace rigcal::testing {
 
-// Pictures of one camera with a known lens. Of each pixel 4 x 4 places are looked at, each along
-// its own ray; the rays are those of every second pixel, with linear interpolation between them
-// (below 0.002 px off for the lenses of the tests).
-class BoardRenderer {
- public:
-  BoardRenderer(const Intrinsics& lens, const ImageSize& image);
-
-  // CV_8UC1: the board's black and white on a grey ground, with a white margin as wide as a square.
-  // `blur_px`: sigma of the lens; `noise`: sigma in grey levels.
-  cv::Mat Render(const Board& board, const RigidTransform& cam_from_board, double blur_px,
-                 double noise) const;
-
- private:
-  const Eigen::Vector3f& Ray(int column, int row) const;
-
-  const ImageSize image_;
-  int columns_ = 0;  // of the table of rays
-  int rows_ = 0;
-  std::vector<Eigen::Vector3f> rays_;
-};
+using rigcal::BoardRenderer;
 
 // Of a CV_8UC1.
-agent::ImageView MonoView(const cv::Mat& image);
+inline agent::ImageView MonoView(const cv::Mat& image) {
+  return {.data = image.data,
+          .width = image.cols,
+          .height = image.rows,
+          .stride_bytes = static_cast<ptrdiff_t>(image.step),
+          .format = agent::PixelFormat::kMono8};
+}
 
 }  // namespace rigcal::testing

@@ -101,6 +101,24 @@ TEST(BoardFrameDetector, LargeImagesAreSearchedAtHalfTheResolution) {
   EXPECT_LT(nees, 2);
 }
 
+TEST(BoardFrameDetector, NamesABoardWithOtherCounts) {
+  const Intrinsics lens = KnownPinhole();
+  const BoardRenderer renderer(lens, kKnownImage);
+  const Board shown = *ParseBoard("board:checker,7x4,0.03");
+  const auto detector = MakeFrameDetector(WandDetectorOptions(), *ParseTarget(kTarget), Camera());
+  ASSERT_THAT(detector, IsOk());
+  std::string other;
+  for (int k = 0; k < 20; ++k) {
+    const auto pose = BoardAt(shown, lens, {250 + 6.0 * k, 235}, 0.5, {0.4, 0.2, 0.1});
+    const cv::Mat image = renderer.Render(shown, pose, kBlurPx, kNoiseGrey);
+    const auto seen = (*detector)->Detect(MonoView(image), k, 0);
+    ASSERT_THAT(seen, IsOk());
+    EXPECT_NE(seen->outcome, DetectionOutcome::kWand);
+    other = seen->other_target;
+  }
+  EXPECT_THAT(other, ::testing::HasSubstr("--target board:checker,7x4,0.03"));
+}
+
 TEST(BoardFrameDetector, MaskedPixelsShowNoBoard) {
   const Intrinsics lens = KnownPinhole();
   const BoardRenderer renderer(lens, kKnownImage);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/agent/detect/board/rendered_board.h"
+#include "common/simulation/frames/board_renderer.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,11 +10,11 @@
 #include "common/board/marker_cells.h"
 #include "common/camera/camera_model.h"
 
-namespace rigcal::testing {
+namespace rigcal {
 namespace {
 
-constexpr int kSamples = 4;  // along each side of a pixel
-constexpr int kRayStep = 2;  // pixels
+constexpr int kSubpixels = 4;  // along each side of a pixel
+constexpr int kRayStep = 2;    // pixels
 constexpr float kInk = 35, kPaperWhite = 215, kGround = 120;
 constexpr double kCircleRadius = 0.275;  // of the distance of nearest neighbours, as printed
 
@@ -98,7 +98,8 @@ class MarkerPattern {
 
 }  // namespace
 
-BoardRenderer::BoardRenderer(const Intrinsics& lens, const ImageSize& image) : image_(image) {
+BoardRenderer::BoardRenderer(const Intrinsics& lens, const ImageSize& image)
+    : lens_(lens), image_(image) {
   columns_ = static_cast<int>(image.width) / kRayStep + 2;
   rows_ = static_cast<int>(image.height) / kRayStep + 2;
   for (int row = 0; row < rows_; ++row) {
@@ -115,8 +116,38 @@ const Eigen::Vector3f& BoardRenderer::Ray(int column, int row) const {
   return rays_[static_cast<size_t>(row * columns_ + column)];
 }
 
+cv::Rect BoardRenderer::PartWith(const Board& board, const RigidTransform& cam_from_board) const {
+  constexpr int kSteps = 40;  // along each side of the board
+  const cv::Rect all(0, 0, static_cast<int>(image_.width), static_cast<int>(image_.height));
+  Eigen::Vector2d low_m(0, 0), high_m(0, 0);
+  for (const Eigen::Vector3d& point : board.Points()) {
+    low_m = low_m.cwiseMin(point.head<2>());
+    high_m = high_m.cwiseMax(point.head<2>());
+  }
+  // Squares and margin beside the outermost points.
+  low_m.array() -= 2.5 * board.spacing_m;
+  high_m.array() += 2.5 * board.spacing_m;
+  Eigen::Vector2d low_px(all.width, all.height), high_px(0, 0);
+  for (int row = 0; row <= kSteps; ++row) {
+    for (int column = 0; column <= kSteps; ++column) {
+      const Eigen::Array2d share(static_cast<double>(column) / kSteps,
+                                 static_cast<double>(row) / kSteps);
+      const Eigen::Vector2d at = low_m.array() + share * (high_m - low_m).array();
+      Eigen::Vector2d pixel;
+      const Eigen::Vector3d in_cam = cam_from_board * Eigen::Vector3d(at.x(), at.y(), 0);
+      if (!(in_cam.z() > 0) || !Project(lens_, in_cam, &pixel)) return all;
+      low_px = low_px.cwiseMin(pixel);
+      high_px = high_px.cwiseMax(pixel);
+    }
+  }
+  const cv::Point corner(static_cast<int>(std::floor(low_px.x())) - 2,
+                         static_cast<int>(std::floor(low_px.y())) - 2);
+  return all & cv::Rect(corner, cv::Point(static_cast<int>(high_px.x()) + 4,
+                                          static_cast<int>(high_px.y()) + 4));
+}
+
 cv::Mat BoardRenderer::Render(const Board& board, const RigidTransform& cam_from_board,
-                              double blur_px, double noise) const {
+                              double blur_px, double noise_grey, uint64_t seed) const {
   const RigidTransform board_from_cam = cam_from_board.Inverse();
   const Eigen::Matrix3f turn = board_from_cam.rotation.toRotationMatrix().cast<float>();
   const Eigen::Vector3f eye = board_from_cam.translation_m.cast<float>();
@@ -124,18 +155,19 @@ cv::Mat BoardRenderer::Render(const Board& board, const RigidTransform& cam_from
   if (board.HasMarkers()) markers.emplace(board);
   // z points away from who looks at the front, of an April grid towards him.
   const float away = board.kind == BoardKind::kAprilGrid ? -1 : 1;
-  cv::Mat1f light(static_cast<int>(image_.height), static_cast<int>(image_.width));
-  for (int y = 0; y < light.rows; ++y) {
-    for (int x = 0; x < light.cols; ++x) {
+  cv::Mat1f light(static_cast<int>(image_.height), static_cast<int>(image_.width), kGround);
+  const cv::Rect part = PartWith(board, cam_from_board);
+  for (int y = part.y; y < part.y + part.height; ++y) {
+    for (int x = part.x; x < part.x + part.width; ++x) {
       float sum = 0;
-      for (int sample = 0; sample < kSamples * kSamples; ++sample) {
+      for (int sample = 0; sample < kSubpixels * kSubpixels; ++sample) {
         // No two samples share a column or a row, so that also an upright edge moves in steps of a
         // sixteenth of a pixel.
         const auto offset = [](int coarse, int fine) {
-          const float step = (static_cast<float>(fine) + 0.5f) / kSamples;
-          return (static_cast<float>(coarse) + step) / kSamples - 0.5f;
+          const float step = (static_cast<float>(fine) + 0.5f) / kSubpixels;
+          return (static_cast<float>(coarse) + step) / kSubpixels - 0.5f;
         };
-        const int i = sample % kSamples, j = sample / kSamples;
+        const int i = sample % kSubpixels, j = sample / kSubpixels;
         const float u = (static_cast<float>(x) + offset(i, j) + 1) / kRayStep;
         const float v = (static_cast<float>(y) + offset(j, i) + 1) / kRayStep;
         const int column = static_cast<int>(u), row = static_cast<int>(v);
@@ -151,24 +183,16 @@ cv::Mat BoardRenderer::Render(const Board& board, const RigidTransform& cam_from
         const Eigen::Vector3f at = eye + distance * ray;
         sum += markers ? markers->ColourAt(at) : ColourOf(board, at);
       }
-      light(y, x) = sum / (kSamples * kSamples);
+      light(y, x) = sum / (kSubpixels * kSubpixels);
     }
   }
   if (blur_px > 0) cv::GaussianBlur(light, light, cv::Size(0, 0), blur_px);
   cv::Mat1f grain(light.size());
-  cv::RNG random(7);
-  random.fill(grain, cv::RNG::NORMAL, 0, noise);
+  cv::RNG random(seed);
+  random.fill(grain, cv::RNG::NORMAL, 0, noise_grey);
   cv::Mat image;
   cv::Mat1f(light + grain).convertTo(image, CV_8U);
   return image;
 }
 
-agent::ImageView MonoView(const cv::Mat& image) {
-  return {.data = image.data,
-          .width = image.cols,
-          .height = image.rows,
-          .stride_bytes = static_cast<ptrdiff_t>(image.step),
-          .format = agent::PixelFormat::kMono8};
-}
-
-}  // namespace rigcal::testing
+}  // namespace rigcal

@@ -8,8 +8,9 @@ import { createServer, type IncomingMessage, type Server, type ServerResponse } 
 import type { AddressInfo } from 'node:net';
 import { extname, join, normalize } from 'node:path';
 import { gzipSync } from 'node:zlib';
-import type { Activation, Calibration, CalibrationOptions, ColourRange, CreateSessionRequest, Detector, LiveState, Session } from '../src/api/types';
+import type { Activation, Calibration, CalibrationOptions, ColourRange, CreateSessionRequest, Detector, LiveState, Session, SessionCamera } from '../src/api/types';
 import { mockAccuracy, mockCalibration, mockResiduals } from './mock_calibration';
+import { mockLens } from './mock_lens';
 import { epochMs, MockRig } from './mock_rig';
 
 /** As the real server sends it. */
@@ -49,6 +50,8 @@ export class MockServer {
   /** Cameras that give none. */
   readonly withoutPreviews = new Set<string>();
   readonly detectors = new Map<string, Detector>();
+  /** Views of the board that each camera has, in any session of one; cameras that are not here have a lens. */
+  readonly boardViews = new Map<string, number>();
   /** Newest first. */
   readonly activations: Activation[] = [];
   /** Why the next activation is refused unless it is forced; "": it is not. */
@@ -197,6 +200,12 @@ export class MockServer {
     return session;
   }
 
+  private boardCameras(): SessionCamera[] {
+    return this.rig.cameras.map((camera) => ({ agent_id: camera.agent, description: { camera: camera.name,
+      image_size_px: { width: 1440, height: 1080 }, ...(this.boardViews.has(camera.name) ? {}
+        : { intrinsics: { model: 'MODEL_BROWN_CONRADY', fx_px: 1100 } }) } }));
+  }
+
   private allSessions(): Session[] {
     const all = new Map(this.sessions);
     if (this.rig.session?.id) all.set(this.rig.session.id, this.rig.parts().session!);
@@ -303,7 +312,7 @@ export class MockServer {
     if (path === 'POST /v1/sessions') {
       const wanted = body as CreateSessionRequest;
       const positions = wanted.target?.marker_positions_m ?? [];
-      if (positions.length === 0 && !wanted.target?.points?.length) throw new Refusal(400, 'INVALID_ARGUMENT', 'target: has no markers');
+      if (positions.length === 0 && !wanted.target?.points?.length && !wanted.target?.board) throw new Refusal(400, 'INVALID_ARGUMENT', 'target: has no markers');
       if (this.rig.capturing) throw new Refusal(409, 'FAILED_PRECONDITION', `session ${this.rig.session?.id} captures`);
       if (this.rig.session?.id) this.sessions.set(this.rig.session.id, this.rig.parts().session!);
       const id = `s-${String(this.allSessions().length + 1).padStart(6, '0')}`;
@@ -311,10 +320,15 @@ export class MockServer {
         goal: wanted.goal, continues: wanted.continues, requested_cameras: wanted.camera_names });
       return this.json(response, { session });
     }
+    if ((match = /^GET \/v1\/sessions\/([^/:]+)\/lenses\/([^/]+)$/.exec(path))) {
+      const [id, camera] = [decodeURIComponent(match[1]!), decodeURIComponent(match[2]!)];
+      if (!this.session(id).target?.board) throw new Refusal(409, 'FAILED_PRECONDITION', `the target of session '${id}' is no board`);
+      return this.json(response, { lens: { ...mockLens(id, camera, this.boardViews.get(camera) ?? 0), has_lens: !this.boardViews.has(camera) } });
+    }
     if ((match = /^(\w+) \/v1\/sessions\/([^/:]+)(?::(\w+))?$/.exec(path))) {
       const id = decodeURIComponent(match[2]!);
       const session = this.session(id);
-      if (match[1] === 'GET') return this.json(response, { session });
+      if (match[1] === 'GET') return this.json(response, { session: session.target?.board ? { ...session, cameras: this.boardCameras() } : session });
       if (match[1] === 'DELETE') {
         if (session.state === 'STATE_CAPTURING') throw new Refusal(409, 'FAILED_PRECONDITION', `session ${id} is capturing`);
         this.sessions.delete(id);
@@ -361,6 +375,7 @@ export class MockServer {
       if (ids.length === 0 && options?.kind !== 'KIND_ORIGIN') throw new Refusal(400, 'INVALID_ARGUMENT', 'session_ids: is empty');
       ids.forEach((id) => this.session(id));
       const calibration = this.addCalibration(ids);
+      calibration.options = options;
       if (options?.kind === 'KIND_ORIGIN') {
         Object.assign(calibration, { options, reference_camera: '', frame: { source: options.origin?.source, calibration_id: options.parent_id,
           residual_rms_m: 4e-4, lowest_camera: calibration.cameras?.[0]?.camera, lowest_camera_m: 1.23 } });

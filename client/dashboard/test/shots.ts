@@ -55,5 +55,10 @@ for (const size of ['desktop', 'phone'] as const) {
   await shoot('join', 'join', size);
 }
 await shoot('result', 'result/c-000002', 'desktop', 'light');
+server.boardViews.set(server.rig.cameras[0]!.name, 12);
+server.rig.create({ id: 's-000004', rig: 'rig', target: { kind: 'KIND_RIGID', board: 'board:checker,9x6,0.025' } });
+server.rig.start();
+for (const size of ['desktop', 'phone'] as const) await shoot('lens', 'lens', size, 'dark', true);
+await shoot('lens', 'lens', 'desktop', 'light', true);
 await browser.close();
 await server.close();

@@ -85,7 +85,7 @@ function CameraLens({ session, camera, rig, theme }: { session: Session; camera:
     <Panel name="views" title={`Where the board has been: ${camera}`} aside={<span class="hint">{lens?.views?.length ?? 0} views, {percent(lens?.covered_share ?? 0)} covered</span>}>
       <Problem text={loaded.problem} />
       {lens && <Views lens={lens} rig={rig} live={live} theme={theme} />}
-      <p class="legend"><span><i class="key corner" />a corner that was seen</span>
+      <p class="legend"><span><i class="key seen" />a corner that was seen</span>
         {!!lens?.next_pose?.outline_x_px?.length && <span><i class="key outline" />hold the board here next</span>}
         {left.length > 0 && <span><i class="key out" />left out of the lens</span>}</p>
       {(lens?.bare_sides ?? []).map((side) => <p key={side}><Chip mark="warn">{side}</Chip></p>)}
@@ -150,6 +150,9 @@ function StartBoard({ busy, onStarted }: { busy: string; onStarted: (id: string)
   </div>;
 }
 
+/** More are a list to choose from. */
+const fewCameras = 4;
+
 /** The lenses of a session. */
 export function LensPage({ route, theme }: { route: Route; theme: string }): JSX.Element {
   const feed = useFeedControl();
@@ -184,7 +187,9 @@ export function LensPage({ route, theme }: { route: Route; theme: string }): JSX
       {session && <>
         <p class="line"><Chip mark={stale ? 'idle' : mark}>{stale ? 'not known' : word}</Chip><span class="strong">{session.id}</span>
           <span>{session.target?.board || 'its target is no board'}</span></p>
-        {cameras.length > 0 && <div class="buttons cameras" role="group" aria-label="Camera">{cameras.map((one) =>
+        {cameras.length > fewCameras && <label class="whichcamera">Camera <select value={camera} onChange={(event) => show(id, event.currentTarget.value)}>
+          {cameras.map((one) => <option key={one.name} value={one.name}>{one.name} {one.hasLens ? '✓ lens given' : '▲ no lens'}</option>)}</select></label>}
+        {cameras.length > 0 && cameras.length <= fewCameras && <div class="buttons cameras" role="group" aria-label="Camera">{cameras.map((one) =>
           <button key={one.name} type="button" aria-pressed={one.name === camera} onClick={() => show(id, one.name)}>
             {one.name} <Chip mark={one.hasLens ? 'good' : 'warn'}>{one.hasLens ? 'lens given' : 'no lens'}</Chip></button>)}</div>}
         <div class="buttons">

@@ -94,7 +94,7 @@ ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
   if (!folder.ok()) return context.Fail(folder.status());
   const absl::StatusOr<LocalPlan> plan =
       options.simulation.has_value()
-          ? PlanSimulated(*options.simulation, options.target, options.speed)
+          ? PlanSimulated(*options.simulation, options.target, options.speed, options.lenses)
           : PlanRecorded(*recorded, options.speed, options.recording, folder->path());
   if (!plan.ok()) return context.Fail(plan.status());
 

@@ -19,6 +19,7 @@ struct LocalOptions {
   // Exactly one of the two.
   std::string data;  // folder of a recording
   std::optional<SimulatedRigOptions> simulation;
+  std::string lenses;  // folder with lenses for simulated cameras; empty: they know their own
 
   Target target;
   std::string keep;           // empty: nothing is kept

@@ -104,7 +104,8 @@ absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::
 }
 
 absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Target& target,
-                                        const std::string& speed) {
+                                        const std::string& speed, const std::string& lenses) {
+  namespace fs = std::filesystem;
   LocalPlan plan;
   plan.duration_s = rig.world.duration_s;
   RIGCAL_ASSIGN_OR_RETURN(plan.world, SimulatedWorld::Create(rig.world, target));
@@ -115,9 +116,17 @@ absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Ta
     const bool events = i >= first_event_camera;
     const double count =
         events ? rig.output_hz * rig.world.duration_s : plan.world->FrameCount(static_cast<int>(i));
-    plan.cameras.push_back(
-        {name, absl::StrCat(name, "=sim:camera=", i, ";", OptionsOf(rig, events), ";speed=", speed),
-         static_cast<uint64_t>(count)});
+    std::string source =
+        absl::StrCat(name, "=sim:camera=", i, ";", OptionsOf(rig, events), ";speed=", speed);
+    if (!lenses.empty()) {
+      const std::string file = fs::absolute(fs::path(lenses) / (name + ".yaml")).string();
+      if (!fs::exists(file)) {
+        return absl::NotFoundError(
+            absl::StrCat("--lenses: there is no ", file, " for the simulated camera ", name));
+      }
+      absl::StrAppend(&source, ";calibration=", file);
+    }
+    plan.cameras.push_back({name, std::move(source), static_cast<uint64_t>(count)});
   }
   return plan;
 }

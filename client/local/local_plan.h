@@ -35,7 +35,8 @@ struct RecordingOptionTexts {
 absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::string& speed,
                                        const RecordingOptionTexts& options,
                                        const std::filesystem::path& link_in);
+// `lenses`: folder with <camera>.yaml for every camera, instead of their own lenses; empty: none.
 absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Target& target,
-                                        const std::string& speed);
+                                        const std::string& speed, const std::string& lenses = "");
 
 }  // namespace rigcal::client

@@ -44,6 +44,9 @@ void AddLocalCommand(CommandParser& parser) {
       "\"cameras=6;seed=1;duration=60;noise=0.3;outliers=0.02;offset.2=0.008\"; with pixels=1 "
       "its agents find the wand in rendered pictures, with events=2 the last two in the events "
       "of event cameras: \"cameras=6;rate=50;pixels=1;events=2;lux=300\"");
+  AddOption(app, "--lenses", "DIR", &options->lenses,
+            "With --simulate: lenses of the cameras, <camera>.yaml, instead of the right ones; as "
+            "rigcal-agent intrinsics makes them");
   AddTargetOption(app, /*required=*/false, &options->target);
   AddOption(app, "--keep", "DIR", &options->keep,
             "Keep the store, the logs and an export in this new folder");
@@ -62,6 +65,9 @@ void AddLocalCommand(CommandParser& parser) {
       if (app->count("--data") == 0 && app->count(of_data) == 1) {
         throw CLI::ValidationError(of_data, "is for --data");
       }
+    }
+    if (app->count("--simulate") == 0 && app->count("--lenses") == 1) {
+      throw CLI::ValidationError("--lenses", "is for --simulate");
     }
     if (app->count("--data") == 1 && options->data.empty()) {
       throw CLI::ValidationError("--data", "is empty");

@@ -162,6 +162,10 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
     faults.Add("there is only one camera in ", path.string(), " (", folder.cameras[0].camera,
                "); a rig needs at least two");
   }
+  // Nobody is warned any more once it has failed, and one of these may be why.
+  if (folder.cameras.size() < 2) {
+    for (const std::string& warning : folder.warnings) faults.Add(warning);
+  }
   RIGCAL_RETURN_IF_ERROR(faults.Result("", "\n"));
   return folder;
 }

@@ -186,7 +186,8 @@ CalibratedTarget ReportRigidTarget(const ReportInput& input, const Target& given
   CalibratedTarget target;
   target.given = given;
   target.marker_positions_estimated =
-      given.kind == TargetKind::kRigid && !problem.rigid_target.fixed;
+      given.kind == TargetKind::kRigid && !problem.rigid_target.fixed &&
+      std::ranges::any_of(given.points, [](const TargetPoint& point) { return point.sigma_m > 0; });
   if (input.evaluated.uncertainty) {
     target.scale_sigma_rel = input.evaluated.uncertainty->scale_sigma_rel;
   }

@@ -7,7 +7,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "agent/capture/camera_status.h"
 #include "agent/capture/source_kind.h"
+#include "common/import/intrinsics_file.h"
 
 namespace rigcal::agent {
 
@@ -31,6 +33,8 @@ void AddOptions(SimulatedCameraOptions* options, OptionTable* table) {
   constexpr double kAnyIndex = std::numeric_limits<int>::max();
   table->Add("camera", &options->camera_index, {0, kAnyIndex}, "index in the rig, from 0");
   AddSpeed(&options->speed, table);
+  table->AddPath("calibration", &options->calibration_path,
+                 "an OpenCV YAML instead of the camera's own lens");
   AddOptions(&options->simulation, table);
 }
 
@@ -56,6 +60,21 @@ absl::StatusOr<CameraDescription> DescribeSimulatedCamera(const SimulatedCameraO
   description.source = absl::StrCat("sim:camera=", options.camera_index);
   RIGCAL_RETURN_IF_ERROR(description.Validate());
   return description;
+}
+
+absl::Status DescribeLens(const SimulatedCameraOptions& options, CameraDescription* description) {
+  if (options.calibration_path.empty()) return absl::OkStatus();
+  RIGCAL_ASSIGN_OR_RETURN(
+      const IntrinsicsFile file,
+      OfCamera(options.camera, ReadIntrinsicsFile(options.calibration_path, options.camera)));
+  if (file.image_size_px != description->image_size_px) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "camera ", options.camera, ": ", options.calibration_path, " is for images of ",
+        file.image_size_px.width, "x", file.image_size_px.height, ", the camera's have ",
+        description->image_size_px.width, "x", description->image_size_px.height));
+  }
+  description->intrinsics = file.intrinsics;
+  return absl::OkStatus();
 }
 
 }  // namespace rigcal::agent

@@ -26,6 +26,7 @@ struct SimulatedCameraOptions {
   int camera_index = 0;          // of the world's cameras, 0 to camera_count - 1
   SimulationOptions simulation;  // the world; equal options are one world in every process
   double speed = 1;              // multiple of the world's pace, > 0; kMaxSpeed: no waiting
+  std::string calibration_path;  // lens to describe the camera with; empty: its own
 
   // INVALID_ARGUMENT with `faults` of the camera's other options, and every other fault.
   absl::Status Validate(FaultList faults = {}) const;
@@ -40,6 +41,10 @@ absl::StatusOr<std::shared_ptr<const SimulatedWorld>> SharedWorld(const Simulati
 
 // How the camera is described, whatever the target.
 absl::StatusOr<CameraDescription> DescribeSimulatedCamera(const SimulatedCameraOptions& options);
+
+// Puts the lens of the options' file in the place of the camera's own, which is the right one.
+// INVALID_ARGUMENT: it is for images of another size.
+absl::Status DescribeLens(const SimulatedCameraOptions& options, CameraDescription* description);
 
 // What the sources of a simulated camera share. `Options` are SimulatedCameraOptions.
 template <typename Base, typename Options>

@@ -48,6 +48,7 @@ absl::StatusOr<std::unique_ptr<SimulatedEventSource>> SimulatedEventSource::Crea
   description.sensor = SensorKind::kEvent;
   description.intrinsics = EventLens(*description.intrinsics, description.image_size_px);
   description.image_size_px = {kWidthPx, kHeightPx};
+  RIGCAL_RETURN_IF_ERROR(DescribeLens(options, &description));
   if (!options.clock_id.empty()) description.clock.clock_id = options.clock_id;
   RIGCAL_RETURN_IF_ERROR(description.Validate());
   return std::make_unique<SimulatedEventSource>(std::move(options), std::move(description));

@@ -17,7 +17,7 @@ constexpr double kBoardBlurPx = 0.7, kBoardNoiseGrey = 1.5;  // of a camera that
 void AddOptions(SimulatedFrameSourceOptions* options, OptionTable* table) {
   AddOptions(static_cast<SimulatedCameraOptions*>(options), table);
   AddOptions(&options->rendering, table);
-  table->Add("held", &options->held_before,
+  table->Add("near", &options->held_before,
              "of a board: it is held right before this camera, as for its lens");
 }
 
@@ -25,6 +25,7 @@ absl::StatusOr<std::unique_ptr<SimulatedFrameSource>> SimulatedFrameSource::Crea
     SimulatedFrameSourceOptions options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, DescribeSimulatedCamera(options));
+  RIGCAL_RETURN_IF_ERROR(DescribeLens(options, &description));
   absl::StrAppend(&description.source, ";pixels=1");
   description.settings.emplace();
   description.settings->model = "simulated";

@@ -22,6 +22,7 @@ class SimulatedObservationSource
       SimulatedCameraOptions options) {
     RIGCAL_RETURN_IF_ERROR(options.Validate());
     RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, DescribeSimulatedCamera(options));
+    RIGCAL_RETURN_IF_ERROR(DescribeLens(options, &description));
     return std::make_unique<SimulatedObservationSource>(std::move(options), std::move(description));
   }
 

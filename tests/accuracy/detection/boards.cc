@@ -19,6 +19,7 @@
 #include "common/lens/circle_image.h"
 #include "common/lens/lens_solver.h"
 #include "common/statistics/robust_statistics.h"
+#include "tests/accuracy/detection/board_rates.h"
 #include "tests/accuracy/detection/detection_experiments.h"
 #include "tests/accuracy/seed_options.h"
 #include "tests/accuracy/seed_runs.h"
@@ -273,6 +274,7 @@ void PrintRig(const SeedOptions& seeds) {
 int RunBoards(const SeedOptions& seeds) {
   const auto is_wanted = [&](const char* part) { return seeds.only.empty() || seeds.only == part; };
   if (is_wanted("points")) PrintPoints(seeds);
+  if (is_wanted("rates")) PrintBoardRates(seeds);
   if (is_wanted("lenses")) PrintLenses(seeds);
   if (is_wanted("rig")) PrintRig(seeds);
   return 0;

@@ -104,7 +104,7 @@ TEST(IntrinsicsCommand, FindsAFisheyeFromAFolderOfPictures) {
 TEST(IntrinsicsCommand, FindsTheLensOfASimulatedCamera) {
   const TemporaryDirectory folder;
   const std::string file = folder.path() / "lens.yaml";
-  const Outcome outcome = RunIntrinsics({"sim:camera=1;pixels=1;held=1;rate=2;duration=20;speed=max",
+  const Outcome outcome = RunIntrinsics({"sim:camera=1;pixels=1;near=1;rate=2;duration=20;speed=max",
                                          "--board", "board:checker,9x6,0.04", "--output", file});
   ASSERT_THAT(outcome.status, IsOk());
   const auto world = SimulatedWorld::Create(*ParseSimulationOptions("rate=2;duration=20"),

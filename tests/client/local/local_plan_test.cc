@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
@@ -91,6 +93,21 @@ TEST(PlanSimulated, GivesEveryAgentTheSameWorld) {
     EXPECT_EQ(plan.cameras[i].source, name + "=sim:camera=" + std::to_string(i) + ";" +
                                           FormatSimulationOptions(options) + ";speed=max");
   }
+}
+
+TEST(PlanSimulated, TakesLensesFromAFolder) {
+  const TemporaryDirectory folder;
+  ASSERT_OK_AND_ASSIGN(const SimulationOptions options, ParseSimulationOptions("cameras=2"));
+  ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0,0.13,0.39"));
+  const SimulatedRigOptions rig = {.world = options, .frames = std::nullopt};
+  std::ofstream(folder.path() / "sim_0.yaml") << "a lens";
+  EXPECT_THAT(PlanSimulated(rig, target, "max", folder.path().string()),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("sim_1.yaml")));
+  std::ofstream(folder.path() / "sim_1.yaml") << "a lens";
+  ASSERT_OK_AND_ASSIGN(const LocalPlan plan,
+                       PlanSimulated(rig, target, "max", folder.path().string()));
+  EXPECT_THAT(plan.cameras[1].source,
+              HasSubstr(";calibration=" + (folder.path() / "sim_1.yaml").string()));
 }
 
 TEST(PlanSimulated, EventCamerasAreTheLastOnesAndHaveTheirOwnOptions) {

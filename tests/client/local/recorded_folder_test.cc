@@ -93,6 +93,15 @@ TEST_F(RecordedFolderTest, FindsImagesAndVideosWithALensFile) {
   EXPECT_THAT(folder.warnings, ElementsAre(HasSubstr("plots shows images")));
 }
 
+TEST_F(RecordedFolderTest, NamesTheImagesWhoseLensIsMissingWhereNoRigIsLeft) {
+  directory_.WriteFile("left/1000000000.png", "");
+  directory_.WriteFile("left.yaml", kYaml);
+  directory_.WriteFile("right/1000000000.png", "");
+  EXPECT_THAT(Read(), StatusIs(absl::StatusCode::kInvalidArgument,
+                               AllOf(HasSubstr("only one camera"),
+                                     HasSubstr("right shows images, but"))));
+}
+
 TEST_F(RecordedFolderTest, NamesEventsWithoutIntrinsicsAndSecondRecordings) {
   Add("front");
   directory_.WriteFile("front.raw", "");

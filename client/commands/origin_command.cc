@@ -18,10 +18,12 @@
 #include "client/results/calibration_file.h"
 #include "client/results/calibration_import.h"
 #include "client/results/origin_report.h"
+#include "common/board/board.h"
 #include "common/file/durable_file.h"
 #include "common/file/may_write.h"
 #include "common/origin/solve_origin.h"
 #include "common/status/status_macros.h"
+#include "common/target/target.h"
 #include "common/target/target_file.h"
 #include "common/triangulate/camera_agreement.h"
 
@@ -42,6 +44,19 @@ absl::StatusOr<std::vector<double>> NumbersOf(const std::string& text, size_t co
   return absl::InvalidArgumentError(absl::StrCat("'", text, "' is not ", what));
 }
 
+// The points of a printed board that lies with its print up: origin at point 0, x along a row, z
+// out of the print, metres.
+absl::StatusOr<std::vector<TargetPoint>> BoardPoints(const std::string& text) {
+  RIGCAL_ASSIGN_OR_RETURN(const Board board, ParseBoard(text));
+  RIGCAL_ASSIGN_OR_RETURN(const Target target, MakeBoardTarget(board));
+  std::vector<TargetPoint> points = target.points;
+  // In frame `board` z points away from who looks at the print, except of an April grid.
+  if (board.kind != BoardKind::kAprilGrid) {
+    for (TargetPoint& point : points) point.y_m = -point.y_m;
+  }
+  return points;
+}
+
 // What the options mean, without rows.
 absl::StatusOr<OriginRequest> RequestOf(const OriginCommandOptions& options) {
   OriginRequest request = options.request;
@@ -54,6 +69,9 @@ absl::StatusOr<OriginRequest> RequestOf(const OriginCommandOptions& options) {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<GivenPoint> given,
                             ReadTargetFile(options.points, PointLines::kWithPosition));
     for (const GivenPoint& point : given) request.points.push_back(point.point);
+  } else if (!options.board.empty()) {
+    request.source = FrameSource::kPoints;
+    RIGCAL_ASSIGN_OR_RETURN(request.points, BoardPoints(options.board));
   } else if (!options.down.empty()) {
     request.source = FrameSource::kDown;
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> down,
@@ -176,6 +194,11 @@ void AddOriginCommand(CommandParser& parser, CLI::App* group, bool rig) {
             "Named points with their coordinates in the new frame, a line with label, x, y, z and "
             "sigma (m) for each; seen in --data or --session in the order of the lines or by the "
             "labels of the session's target, or among the static points of the calibration");
+  AddOption(
+      app, "--board", "BOARD", &options->board,
+      "A printed board (board:checker,9x6,0.04) that lies or hangs in the room and is seen in "
+      "--data or --session: z = 0 is the print, z out of it, the origin at its first point, x "
+      "along a row");
   AddOption(app, "--path", "DIR", &options->path,
             "Folder of rows of a path in one plane, which becomes z = 0");
   app->add_flag("--on-plane", options->path_session, "The same of the rows of --session");
@@ -184,8 +207,8 @@ void AddOriginCommand(CommandParser& parser, CLI::App* group, bool rig) {
   AddOption(app, "--transform", "X,Y,Z,QW,QX,QY,QZ", &options->transform,
             "new_from_rig: metres and a unit quaternion");
   app->option_defaults()->group("Options");
-  AddOption(app, "--data", "DIR", &options->data, "Folder of rows in which --points are seen")
-      ->needs("--points")
+  AddOption(app, "--data", "DIR", &options->data,
+            "Folder of rows in which --points or --board are seen")
       ->excludes("--session");
   AddOption(app, "--height", "M", &options->request.height_m,
             "Height of the markers' centres above the floor, metres: their radius (default 0)")
@@ -215,21 +238,30 @@ void AddOriginCommand(CommandParser& parser, CLI::App* group, bool rig) {
                 "With --points: cameras may be below the points' plane");
   app->parse_complete_callback([app = app, options = options] {
     size_t given = 0;
-    for (const char* name :
-         {"--floor", "--on-floor", "--points", "--path", "--on-plane", "--down", "--transform"}) {
+    for (const char* name : {"--floor", "--on-floor", "--points", "--board", "--path", "--on-plane",
+                             "--down", "--transform"}) {
       given += app->count(name);
     }
     if (given != 1) {
       throw CLI::ValidationError(
           app->get_display_name(),
-          "needs one of --floor, --on-floor, --points, --path, --on-plane, --down, --transform");
+          "needs one of --floor, --on-floor, --points, --board, --path, --on-plane, --down, "
+          "--transform");
+    }
+    if (app->count("--data") > 0 && app->count("--points") + app->count("--board") == 0) {
+      throw CLI::ValidationError("--data", "is for --points and --board");
     }
     const bool of_session = options->floor_session || options->path_session;
     if (of_session && options->target.session.empty()) {
       throw CLI::ValidationError("--on-floor and --on-plane", "need --session");
     }
-    if (!options->target.session.empty() && !of_session && options->points.empty()) {
-      throw CLI::ValidationError("--session", "goes with --on-floor, --on-plane or --points");
+    if (!options->target.session.empty() && !of_session && options->points.empty() &&
+        options->board.empty()) {
+      throw CLI::ValidationError("--session",
+                                 "goes with --on-floor, --on-plane, --points or --board");
+    }
+    if (!options->board.empty() && options->target.session.empty() && options->data.empty()) {
+      throw CLI::ValidationError("--board", "needs --session or --data, in which it is seen");
     }
   });
 }

@@ -17,6 +17,7 @@ struct OriginCommandOptions {
   std::string floor;           // folder of rows: a wand that lies on the floor at several places
   bool floor_session = false;  // the same of the session
   std::string points;          // file of named points; seen in the rows, or static points
+  std::string board;           // text of a printed board that rests; seen in the rows
   std::string path;            // folder of rows: a path in one plane
   bool path_session = false;   // the same of the session
   std::string down;            // "X,Y,Z"

@@ -13,6 +13,8 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "client/results/calibration_file.h"
+#include "common/board/board.h"
+#include "common/camera/camera_model.h"
 #include "tests/client/command_runner.h"
 #include "tests/client/results/parquet_reader.h"
 #include "tests/common/triangulate/true_result.h"
@@ -188,7 +190,59 @@ TEST_F(TriangulateCommand, OriginPutsTheFloorUnderTheWand) {
   EXPECT_EQ(Rigcal({"calibration", "compare", calibration_, Path("floor.json")}).exit_code, 0);
 }
 
+// A board that lies on a table, print up. Rows whose points are counted as in a mirror put the
+// cameras below the table, and no residual shows it: points in a plane have no handedness.
+TEST_F(TriangulateCommand, OriginPutsTheTableUnderAPrintedBoard) {
+  const Board board = *ParseBoard("board:checker,9x6,0.04");
+  constexpr double kTableM = 0.7;
+  const auto rows_of = [&](bool mirrored) {
+    std::vector<CameraRows> rows;
+    for (int c = 0; c < 4; ++c) {
+      CameraRows& camera = rows.emplace_back();
+      camera.camera = absl::StrCat("sim_", c);
+      for (int i = 0; i < 25; ++i) {
+        Observation row;
+        row.time_ns = 40'000'000 * i;
+        for (int r = 0; r < board.rows; ++r) {
+          for (int k = 0; k < board.columns; ++k) {
+            const int column = mirrored ? board.columns - 1 - k : k;
+            // Of a print that lies face up, rows go towards -y.
+            const Eigen::Vector3d in_world(0.04 * column - 0.1, -0.04 * r + 0.1, kTableM);
+            MarkerObservation& marker = row.markers.emplace_back();
+            const SimulatedCamera& of = world_->cameras()[static_cast<size_t>(c)];
+            marker.visible =
+                Project(of.true_intrinsics, of.cam_from_rig * in_world, &marker.centre_px);
+          }
+        }
+        camera.rows.push_back(row);
+      }
+    }
+    return rows;
+  };
+  const auto origin = [&](const char* folder, bool mirrored) {
+    return Rigcal({"calibration", "origin", calibration_, "--board", "board:checker,9x6,0.04",
+                   "--data", WriteRows(folder, rows_of(mirrored)), "--output", Path("table.json")});
+  };
+  EXPECT_THAT(origin("mirrored", true).err, HasSubstr("mirror"));
+  const CommandOutcome outcome = origin("table", false);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto moved = ReadCalibration(Path("table.json"));
+  ASSERT_THAT(moved, rigcal::testing::IsOk());
+  const auto result = ResultOf(*moved);
+  ASSERT_THAT(result, rigcal::testing::IsOk());
+  for (size_t c = 0; c < 4; ++c) {
+    const Eigen::Vector3d at_m = result->cameras[c].cam_from_rig.SourceFromTargetTranslation();
+    const Eigen::Vector3d in_world_m =
+        world_->cameras()[c].cam_from_rig.SourceFromTargetTranslation();
+    EXPECT_LT((at_m - in_world_m + Eigen::Vector3d(-0.1, 0.1, kTableM)).norm(), 0.001);
+  }
+}
+
 TEST_F(TriangulateCommand, OriginNeedsExactlyOneWay) {
+  EXPECT_EQ(Rigcal({"calibration", "origin", calibration_, "--board", "board:checker,9x6,0.04",
+                    "--output", "x.json"})
+                .exit_code,
+            2);
   EXPECT_EQ(Rigcal({"calibration", "origin", calibration_, "--output", "x.json"}).exit_code, 2);
 }
 

@@ -58,6 +58,14 @@ std::string FormatLensReport(const Board& board, const BoardViews& views,
   }
   absl::StrAppendFormat(&text, "coverage      corners in %.0f %% of the image\n",
                         100 * solution.covered_share);
+  if (solution.bend) {
+    absl::StrAppendFormat(
+        &text,
+        "board         bent by %.2f mm along its rows and %.2f mm along its columns, "
+        "from the middle to the border (sigma %.2f, %.2f)\n",
+        1e3 * solution.bend->height_m.x(), 1e3 * solution.bend->height_m.y(),
+        1e3 * solution.bend->sigma_m.x(), 1e3 * solution.bend->sigma_m.y());
+  }
   for (const LensViewResult& view : solution.view_results) {
     if (view.left_out.empty()) continue;
     absl::StrAppendFormat(&text, "left out      %s: %s\n", view.name, view.left_out);
@@ -94,6 +102,7 @@ std::string LensReportJson(const Board& board, const BoardViews& views,
                {"held_out_rms_px", solution.held_out_rms_px},
                {"candidates", Json::array()},
                {"halves", nullptr},
+               {"board_bend", nullptr},
                {"covered_share", solution.covered_share},
                {"blind_share", solution.blind_share},
                {"view_results", Json::array()},
@@ -111,6 +120,10 @@ std::string LensReportJson(const Board& board, const BoardViews& views,
                       {"p95_px", solution.halves->p95_px},
                       {"most_px", solution.halves->most_px},
                       {"unknown_share", solution.halves->unknown_share}};
+  }
+  if (solution.bend) {
+    json["board_bend"] = {{"height_m", {solution.bend->height_m.x(), solution.bend->height_m.y()}},
+                          {"sigma_m", {solution.bend->sigma_m.x(), solution.bend->sigma_m.y()}}};
   }
   for (const LensViewResult& view : solution.view_results) {
     json["view_results"].push_back({{"name", view.name},

@@ -16,8 +16,9 @@ std::string FormatLensReport(const Board& board, const BoardViews& views,
 // views, corners, model, intrinsics{distortion_model, fx_px, fy_px, cx_px, cy_px, distortion},
 // sigmas (fx, fy, cx, cy, then the coefficients; of noise alone), rms_px, held_out_rms_px,
 // candidates[{model, rms_px, held_out_rms_px}], halves{median_px, p95_px, most_px, unknown_share}
-// or null, covered_share, blind_share, view_results[{name, corners, left_out_corners, rms_px,
-// tilt_deg, left_out}], not_read[{reason, count, example}], advice[text], file.
+// or null, board_bend{height_m, sigma_m} (along rows and columns) or null, covered_share,
+// blind_share, view_results[{name, corners, left_out_corners, rms_px, tilt_deg, left_out}],
+// not_read[{reason, count, example}], advice[text], file.
 std::string LensReportJson(const Board& board, const BoardViews& views,
                            const LensSolution& solution, const std::string& output);
 

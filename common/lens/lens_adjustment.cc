@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <limits>
 
 #include "common/camera/camera_model.h"
 #include "common/camera/intrinsics_vector.h"
@@ -22,12 +23,12 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 struct ViewBlock {
   Matrix6 pose = Matrix6::Zero();
   Vector6 pose_gradient = Vector6::Zero();
-  Eigen::MatrixXd coupling;  // 6 x free intrinsics
+  Eigen::MatrixXd coupling;  // 6 x what all views share
 };
 
 struct NormalEquations {
   std::vector<ViewBlock> views;
-  Eigen::MatrixXd intrinsics;
+  Eigen::MatrixXd shared;  // free intrinsics, and the bend
   Eigen::VectorXd gradient;
 };
 
@@ -41,7 +42,11 @@ double LossWeight(double squared, double loss_px) {
   return loss_px <= 0 ? 1.0 : 1.0 / (1.0 + squared / (loss_px * loss_px));
 }
 
-double CostOf(const std::vector<BoardView>& views, const LensEstimate& estimate, double loss_px) {
+double CostOf(const std::vector<BoardView>& flat, const LensEstimate& estimate, double loss_px) {
+  const bool is_bent = !estimate.bend_per_m.isZero(0);
+  const std::vector<BoardView> bent =
+      is_bent ? Bent(flat, estimate.bend_per_m) : std::vector<BoardView>();
+  const std::vector<BoardView>& views = is_bent ? bent : flat;
   double cost = 0;
   for (size_t i = 0; i < views.size(); ++i) {
     for (const double error :
@@ -58,17 +63,22 @@ Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
   return matrix;
 }
 
-NormalEquations Linearise(const std::vector<BoardView>& views, const LensEstimate& estimate,
-                          int free, double loss_px) {
+// `free` intrinsics, and behind them the bend, if it is estimated.
+NormalEquations Linearise(const std::vector<BoardView>& flat, const LensEstimate& estimate,
+                          int free, bool estimate_bend, double loss_px) {
+  const std::vector<BoardView> views = Bent(flat, estimate.bend_per_m);
+  const Eigen::Vector2d middle_m = MiddleOfBoard(flat);
+  const int shared = free + (estimate_bend ? 2 : 0);
   const DistortionModel model = estimate.intrinsics.model;
   const IntrinsicsVector values = ToVector(estimate.intrinsics);
   NormalEquations equations;
   equations.views.resize(views.size());
-  equations.intrinsics = Eigen::MatrixXd::Zero(free, free);
-  equations.gradient = Eigen::VectorXd::Zero(free);
+  equations.shared = Eigen::MatrixXd::Zero(shared, shared);
+  equations.gradient = Eigen::VectorXd::Zero(shared);
+  Eigen::Matrix<double, 2, Eigen::Dynamic> jacobian(2, shared);
   for (size_t i = 0; i < views.size(); ++i) {
     ViewBlock& block = equations.views[i];
-    block.coupling = Eigen::MatrixXd::Zero(6, free);
+    block.coupling = Eigen::MatrixXd::Zero(6, shared);
     const RigidTransform& pose = estimate.cam_from_board[i];
     const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
     for (const BoardCorner& corner : views[i].corners) {
@@ -86,10 +96,15 @@ NormalEquations Linearise(const std::vector<BoardView>& views, const LensEstimat
       d_pose << -d_point * Cross(turned), d_point;
       block.pose += weight * d_pose.transpose() * d_pose;
       block.pose_gradient += weight * d_pose.transpose() * error;
-      if (free == 0) continue;
-      const auto jacobian = d_intrinsics.leftCols(free);
+      if (shared == 0) continue;
+      jacobian.leftCols(free) = d_intrinsics.leftCols(free);
+      if (estimate_bend) {
+        const Eigen::Array2d from_middle_m = corner.x_in_board_m.head<2>() - middle_m;
+        const Eigen::Vector2d by_height = d_point * rotation.col(2);
+        jacobian.rightCols<2>() = by_height * from_middle_m.square().matrix().transpose();
+      }
       block.coupling += weight * d_pose.transpose() * jacobian;
-      equations.intrinsics += weight * jacobian.transpose() * jacobian;
+      equations.shared += weight * jacobian.transpose() * jacobian;
       equations.gradient += weight * jacobian.transpose() * error;
     }
   }
@@ -103,10 +118,10 @@ void Damp(double damping, Matrix* matrix) {
   }
 }
 
-// The intrinsics' equations without the poses.
+// The equations of what the views share, without the poses.
 void EliminatePoses(const NormalEquations& equations, double damping, Eigen::MatrixXd* information,
                     Eigen::VectorXd* gradient) {
-  *information = equations.intrinsics;
+  *information = equations.shared;
   if (damping > 0) Damp(damping, information);
   *gradient = equations.gradient;
   for (const ViewBlock& block : equations.views) {
@@ -122,22 +137,24 @@ void EliminatePoses(const NormalEquations& equations, double damping, Eigen::Mat
 LensEstimate Stepped(const LensEstimate& estimate, const NormalEquations& equations, int free,
                      double damping) {
   LensEstimate next = estimate;
-  Eigen::VectorXd step = Eigen::VectorXd::Zero(free);
-  if (free > 0) {
+  const Eigen::Index shared = equations.gradient.size();
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(shared);
+  if (shared > 0) {
     Eigen::MatrixXd information;
     Eigen::VectorXd gradient;
     EliminatePoses(equations, damping, &information, &gradient);
     step = -information.ldlt().solve(gradient);
     IntrinsicsVector values = ToVector(estimate.intrinsics);
-    values.head(free) += step;
+    values.head(free) += step.head(free);
     next.intrinsics = FromVector(estimate.intrinsics.model, values);
+    if (shared > free) next.bend_per_m += step.tail<2>();
   }
   for (size_t i = 0; i < equations.views.size(); ++i) {
     const ViewBlock& block = equations.views[i];
     Matrix6 pose = block.pose;
     Damp(damping, &pose);
     Vector6 right = block.pose_gradient;
-    if (free > 0) right += block.coupling * step;
+    if (shared > 0) right += block.coupling * step;
     const Vector6 move = -pose.ldlt().solve(right);
     const Eigen::Vector3d turn = move.head<3>();
     const double angle = turn.norm();
@@ -157,6 +174,31 @@ bool IsUsable(const LensEstimate& estimate) {
 }
 
 }  // namespace
+
+Eigen::Vector2d MiddleOfBoard(const std::vector<BoardView>& views) {
+  Eigen::Vector2d low_m = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector2d high_m = -low_m;
+  for (const BoardView& view : views) {
+    for (const BoardCorner& corner : view.corners) {
+      low_m = low_m.cwiseMin(corner.x_in_board_m.head<2>());
+      high_m = high_m.cwiseMax(corner.x_in_board_m.head<2>());
+    }
+  }
+  return 0.5 * (low_m + high_m);
+}
+
+std::vector<BoardView> Bent(const std::vector<BoardView>& views,
+                            const Eigen::Vector2d& bend_per_m) {
+  const Eigen::Array2d middle_m = MiddleOfBoard(views);
+  std::vector<BoardView> bent = views;
+  for (BoardView& view : bent) {
+    for (BoardCorner& corner : view.corners) {
+      const Eigen::Array2d from_middle_m = corner.x_in_board_m.head<2>().array() - middle_m;
+      corner.x_in_board_m.z() += bend_per_m.dot(from_middle_m.square().matrix());
+    }
+  }
+  return bent;
+}
 
 std::vector<double> CornerErrors(const BoardView& view, const Intrinsics& intrinsics,
                                  const RigidTransform& cam_from_board) {
@@ -180,7 +222,8 @@ LensAdjustment AdjustLens(const std::vector<BoardView>& views, const LensEstimat
   result.estimate.intrinsics = FromVector(start.intrinsics.model, ToVector(start.intrinsics));
   result.cost_px2 = CostOf(views, result.estimate, options.loss_px);
   double damping = 1e-4;
-  NormalEquations equations = Linearise(views, result.estimate, free, options.loss_px);
+  NormalEquations equations =
+      Linearise(views, result.estimate, free, options.estimate_bend, options.loss_px);
   for (int step = 0; step < options.max_steps; ++step) {
     const double before = result.cost_px2;
     bool better = false;
@@ -195,10 +238,10 @@ LensAdjustment AdjustLens(const std::vector<BoardView>& views, const LensEstimat
     }
     if (!better) break;
     damping = std::max(damping / 100, kLeastDamping);  // the loop has raised it once more
-    equations = Linearise(views, result.estimate, free, options.loss_px);
+    equations = Linearise(views, result.estimate, free, options.estimate_bend, options.loss_px);
     if (before - result.cost_px2 < kConverged * before) break;
   }
-  if (free > 0) {
+  if (equations.gradient.size() > 0) {
     Eigen::VectorXd gradient;
     EliminatePoses(equations, 0, &result.information, &gradient);
   }

@@ -16,10 +16,19 @@ struct LensEstimate {
   LensModel model = LensModel::kPinhole4;
   Intrinsics intrinsics;  // of DistortionModelOf(model), with all its coefficients
   std::vector<RigidTransform> cam_from_board;  // view by view
+  // How the board is bent: bend.x (x - a)^2 + bend.y (y - b)^2 is added to z of a point, with (a,
+  // b) its middle (MiddleOfBoard). 1/m.
+  Eigen::Vector2d bend_per_m = Eigen::Vector2d::Zero();
 };
+
+// Of the rectangle that holds all points that were seen.
+Eigen::Vector2d MiddleOfBoard(const std::vector<BoardView>& views);
+// The same views of the bent board: their points are no plane any more.
+std::vector<BoardView> Bent(const std::vector<BoardView>& views, const Eigen::Vector2d& bend_per_m);
 
 struct LensAdjustmentOptions {
   bool fix_intrinsics = false;
+  bool estimate_bend = false;  // else it stays as it is
   // Cauchy's loss: an error of this size counts half (in the gradient). 0: least squares.
   double loss_px = 0;
   int max_steps = 60;
@@ -29,7 +38,7 @@ struct LensAdjustment {
   LensEstimate estimate;
   double cost_px2 = 0;  // sum over the corners, of squared distances or of the loss of them
   // Of the free intrinsics, with the poses eliminated, for errors of 1 px in each coordinate;
-  // FreeIntrinsics(model) square. Empty where they were fixed.
+  // FreeIntrinsics(model) square. Empty where they were fixed. An estimated bend is two rows more.
   Eigen::MatrixXd information;
 };
 

@@ -42,6 +42,7 @@ constexpr double kPoorRmsPx = 0.6;
 constexpr double kGoodCoverage = 0.7;
 constexpr int kGoodViews = 20;
 constexpr int kBlindGrid = 21;
+constexpr double kBendSigmas = 5;
 
 // The images of circles depend on where the boards are, which depends on them, by little.
 constexpr int kEccentricityRounds = 2;
@@ -349,6 +350,15 @@ void AddAdvice(const ImageSize& image_size_px, const std::vector<BoardView>& use
   }
 }
 
+void AddBendAdvice(LensSolution* solution) {
+  const BoardBend& bend = *solution->bend;
+  const bool is_across = std::abs(bend.height_m.x()) >= std::abs(bend.height_m.y());
+  solution->advice.push_back(absl::StrFormat(
+      "the board is bent by %.1f mm from its middle to its %s: that was estimated and taken into "
+      "account, but glue it on something flat and stiff",
+      1e3 * bend.height_m.cwiseAbs().maxCoeff(), is_across ? "left and right" : "top and bottom"));
+}
+
 // The views with the images of circles moved to those of their centres, as a solution has them.
 std::vector<BoardView> WithoutEccentricity(const std::vector<BoardView>& views,
                                            const LensSolution& solution) {
@@ -364,6 +374,44 @@ std::vector<BoardView> WithoutEccentricity(const std::vector<BoardView>& views,
     }
   }
   return corrected;
+}
+
+// How the board is bent, as a solution of flat views has it left over. None: by less than its
+// uncertainty allows to say.
+std::optional<BoardBend> FindBend(const std::vector<BoardView>& views,
+                                  const LensSolution& solution) {
+  std::vector<BoardView> used;
+  LensEstimate start;
+  start.model = solution.model;
+  start.intrinsics = solution.intrinsics;
+  size_t corners = 0;
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (!solution.view_results[i].left_out.empty()) continue;
+    used.push_back(views[i]);
+    start.cam_from_board.push_back(solution.view_results[i].cam_from_board);
+    corners += views[i].corners.size();
+  }
+  LensAdjustmentOptions options;
+  options.estimate_bend = true;
+  options.loss_px = kNarrowLossPx;
+  const LensAdjustment adjusted = AdjustLens(used, start, options);
+  const Eigen::MatrixXd covariance = CovarianceOf(adjusted.information);
+  if (covariance.size() == 0) return std::nullopt;
+  const Eigen::Vector2d middle_m = MiddleOfBoard(used);
+  Eigen::Array2d reach_m(0, 0);
+  for (const BoardView& view : used) {
+    for (const BoardCorner& corner : view.corners) {
+      reach_m = reach_m.max((corner.x_in_board_m.head<2>() - middle_m).array().abs());
+    }
+  }
+  const double noise_px = std::max(NoiseOf(adjusted, corners, used.size()), kLeastNoisePx);
+  BoardBend bend;
+  bend.per_m = adjusted.estimate.bend_per_m;
+  bend.height_m = bend.per_m.cwiseProduct(reach_m.square().matrix());
+  const Eigen::Vector2d sigmas = noise_px * covariance.diagonal().tail<2>().cwiseSqrt();
+  bend.sigma_m = sigmas.cwiseProduct(reach_m.square().matrix());
+  const double most = bend.height_m.cwiseQuotient(bend.sigma_m).cwiseAbs().maxCoeff();
+  return most > kBendSigmas ? std::optional(bend) : std::nullopt;
 }
 
 // Of points.
@@ -469,13 +517,26 @@ absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
 absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
                                        const ImageSize& image_size_px, const LensOptions& options) {
   RIGCAL_RETURN_IF_ERROR(CheckViews(views, image_size_px));
-  absl::StatusOr<LensSolution> solution = SolveLensOnce(views, image_size_px, options);
+  std::vector<BoardView> centres = views;
+  absl::StatusOr<LensSolution> solution = SolveLensOnce(centres, image_size_px, options);
   const bool has_circles = std::any_of(views.begin(), views.end(), [](const BoardView& view) {
     return std::any_of(view.corners.begin(), view.corners.end(),
                        [](const BoardCorner& corner) { return corner.radius_m > 0; });
   });
   for (int round = 0; has_circles && solution.ok() && round < kEccentricityRounds; ++round) {
-    solution = SolveLensOnce(WithoutEccentricity(views, *solution), image_size_px, options);
+    centres = WithoutEccentricity(views, *solution);
+    solution = SolveLensOnce(centres, image_size_px, options);
+  }
+  if (!solution.ok()) return solution;
+  // A bend that is one predicts views that were held out better.
+  if (const std::optional<BoardBend> bend = FindBend(centres, *solution)) {
+    absl::StatusOr<LensSolution> bent =
+        SolveLensOnce(Bent(centres, bend->per_m), image_size_px, options);
+    if (bent.ok() && kAsGood * bent->held_out_rms_px < solution->held_out_rms_px) {
+      bent->bend = *bend;
+      AddBendAdvice(&*bent);
+      return bent;
+    }
   }
   return solution;
 }

@@ -14,7 +14,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kSmallPx = 640;  // a chessboard is told at this size
-constexpr int kLeastCorners = 3;
+constexpr int kLeastCheckerCorners = 3;
 
 // By how much columns and rows of circles may be off, with the likeliest first.
 constexpr std::pair<int, int> kOtherCounts[] = {{-1, -1}, {1, 1}, {-1, 0}, {0, -1},
@@ -48,7 +48,7 @@ std::pair<int, int> CheckerIn(const cv::Mat& picture) {
   std::vector<cv::Point2f> corners;
   cv::Mat meta;  // as large as the board that was found
   const bool found =
-      cv::findChessboardCornersSB(grey, {kLeastCorners, kLeastCorners}, corners,
+      cv::findChessboardCornersSB(grey, {kLeastCheckerCorners, kLeastCheckerCorners}, corners,
                                   cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_LARGER, meta);
   if (!found) return {0, 0};
   return {std::max(meta.cols, meta.rows), std::min(meta.cols, meta.rows)};

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include "common/lens/lens_difference.h"
 #include "tests/common/lens/known_lens.h"
@@ -51,6 +52,46 @@ TEST(SolveLens, FindsPinholeAndFisheyeByItself) {
     EXPECT_LT(std::abs(solved->intrinsics.fx_px - lens.fx_px), 4 * solved->sigmas[0]);
     EXPECT_LT(solved->sigmas[0], 1);
     EXPECT_EQ(solved->candidates.size(), 4u);
+  }
+}
+
+// As if cardboard had curled: 2 mm higher at the left and right than in the middle.
+TEST(SolveLens, EstimatesHowABoardIsBent) {
+  const Intrinsics lens = KnownPinhole();
+  const auto poses = WavedBoard(kBoard, lens, kKnownImage, 36, 0.3, 0.6, 0.7, 3, 0.85);
+  const auto flat = SeenBoards(kBoard, lens, kKnownImage, poses, 0, 3);
+  ASSERT_EQ(flat.size(), poses.size());
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, kNoisePx);
+  for (const double height_m : {0.002, -0.001}) {
+    std::vector<BoardView> views = flat;
+    for (size_t i = 0; i < views.size(); ++i) {
+      for (BoardCorner& corner : views[i].corners) {
+        Eigen::Vector3d at = corner.x_in_board_m;
+        at.z() = height_m * std::pow((at.x() - 0.12) / 0.12, 2);
+        ASSERT_TRUE(Project(lens, poses[i] * at, &corner.pixel));
+        corner.pixel += Eigen::Vector2d(noise(random), noise(random));
+      }
+    }
+    const auto solved = SolveLens(views, kKnownImage);
+    ASSERT_THAT(solved, IsOk());
+    ASSERT_TRUE(solved->bend.has_value());
+    EXPECT_NEAR(solved->bend->height_m.x(), height_m, 1e-4);
+    EXPECT_NEAR(solved->bend->height_m.y(), 0, 1e-4);
+    EXPECT_LT(solved->bend->sigma_m.x(), 5e-5);
+    EXPECT_NEAR(solved->rms_px, kNoisePx * std::sqrt(2.0), 0.01);
+    const auto difference = CompareLenses(lens, solved->intrinsics, kKnownImage);
+    ASSERT_THAT(difference, IsOk());
+    EXPECT_LT(difference->p95_px, 0.1);
+    EXPECT_THAT(solved->advice, Contains(HasSubstr("the board is bent by")));
+  }
+}
+
+TEST(SolveLens, AFlatBoardIsNotBent) {
+  for (const uint32_t seed : {3, 4, 5, 6}) {
+    const auto solved = SolveLens(Views(KnownPinhole(), 30, 0.7, seed), kKnownImage);
+    ASSERT_THAT(solved, IsOk());
+    EXPECT_FALSE(solved->bend.has_value()) << seed;
   }
 }
 

@@ -238,19 +238,15 @@ double NoiseOf(const LensAdjustment& adjusted, size_t corners, size_t views) {
   return std::sqrt(adjusted.cost_px2 / freedom);
 }
 
-// What that noise leaves uncertain.
-void AddUncertainty(const LensAdjustment& adjusted, const ImageSize& image_size_px,
+// What is uncertain of the intrinsics of a solution with this information.
+void SetUncertainty(const Eigen::MatrixXd& information, const ImageSize& image_size_px,
                     LensSolution* solution) {
-  solution->noise_px = NoiseOf(adjusted, static_cast<size_t>(solution->corners),
-                               static_cast<size_t>(solution->views));
-  const double noise_px = std::max(solution->noise_px, kLeastNoisePx);
-  solution->information = adjusted.information / (noise_px * noise_px);
-  const Eigen::MatrixXd covariance = CovarianceOf(solution->information);
-  const LensEstimate& lens = adjusted.estimate;
+  solution->information = information;
+  const Eigen::MatrixXd covariance = CovarianceOf(information);
   solution->uncertainty =
-      LensSensitivity(lens.model, lens.intrinsics, image_size_px).Of(covariance);
-  solution->sigmas = Eigen::VectorXd::Constant(adjusted.information.rows(),
-                                               std::numeric_limits<double>::infinity());
+      LensSensitivity(solution->model, solution->intrinsics, image_size_px).Of(covariance);
+  solution->sigmas =
+      Eigen::VectorXd::Constant(information.rows(), std::numeric_limits<double>::infinity());
   if (covariance.size() > 0) solution->sigmas = covariance.diagonal().cwiseSqrt();
 }
 
@@ -376,14 +372,21 @@ std::vector<BoardView> WithoutEccentricity(const std::vector<BoardView>& views,
   return corrected;
 }
 
-// How the board is bent, as a solution of flat views has it left over. None: by less than its
-// uncertainty allows to say.
-std::optional<BoardBend> FindBend(const std::vector<BoardView>& views,
-                                  const LensSolution& solution) {
+// A solution's views that were used, solved once more together with the bend of the board.
+struct BentAdjustment {
+  LensAdjustment adjusted;
+  BoardBend bend;
+  double noise_px = 0;
+  // Of the intrinsics alone, the bend eliminated, for that noise; empty: they are not determined.
+  Eigen::MatrixXd information;
+};
+
+BentAdjustment AdjustWithBend(const std::vector<BoardView>& views, const LensSolution& solution) {
   std::vector<BoardView> used;
   LensEstimate start;
   start.model = solution.model;
   start.intrinsics = solution.intrinsics;
+  if (solution.bend) start.bend_per_m = solution.bend->per_m;
   size_t corners = 0;
   for (size_t i = 0; i < views.size(); ++i) {
     if (!solution.view_results[i].left_out.empty()) continue;
@@ -394,9 +397,14 @@ std::optional<BoardBend> FindBend(const std::vector<BoardView>& views,
   LensAdjustmentOptions options;
   options.estimate_bend = true;
   options.loss_px = kNarrowLossPx;
-  const LensAdjustment adjusted = AdjustLens(used, start, options);
-  const Eigen::MatrixXd covariance = CovarianceOf(adjusted.information);
-  if (covariance.size() == 0) return std::nullopt;
+  BentAdjustment result;
+  result.adjusted = AdjustLens(used, start, options);
+  result.noise_px = std::max(NoiseOf(result.adjusted, corners, used.size()), kLeastNoisePx);
+  const Eigen::MatrixXd covariance =
+      CovarianceOf(result.adjusted.information / (result.noise_px * result.noise_px));
+  if (covariance.size() == 0) return result;
+  const Eigen::Index free = covariance.rows() - 2;
+  result.information = CovarianceOf(covariance.topLeftCorner(free, free));
   const Eigen::Vector2d middle_m = MiddleOfBoard(used);
   Eigen::Array2d reach_m(0, 0);
   for (const BoardView& view : used) {
@@ -404,14 +412,10 @@ std::optional<BoardBend> FindBend(const std::vector<BoardView>& views,
       reach_m = reach_m.max((corner.x_in_board_m.head<2>() - middle_m).array().abs());
     }
   }
-  const double noise_px = std::max(NoiseOf(adjusted, corners, used.size()), kLeastNoisePx);
-  BoardBend bend;
-  bend.per_m = adjusted.estimate.bend_per_m;
-  bend.height_m = bend.per_m.cwiseProduct(reach_m.square().matrix());
-  const Eigen::Vector2d sigmas = noise_px * covariance.diagonal().tail<2>().cwiseSqrt();
-  bend.sigma_m = sigmas.cwiseProduct(reach_m.square().matrix());
-  const double most = bend.height_m.cwiseQuotient(bend.sigma_m).cwiseAbs().maxCoeff();
-  return most > kBendSigmas ? std::optional(bend) : std::nullopt;
+  result.bend.per_m = result.adjusted.estimate.bend_per_m;
+  result.bend.height_m = result.bend.per_m.array() * reach_m.square();
+  result.bend.sigma_m = covariance.diagonal().tail<2>().array().sqrt() * reach_m.square();
+  return result;
 }
 
 // Of points.
@@ -483,7 +487,9 @@ absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
   solution.held_out_rms_px = solution.candidates[chosen].held_out_rms_px;
   solution.views = static_cast<int>(good.size());
   for (const BoardView& view : good) solution.corners += static_cast<int>(view.corners.size());
-  AddUncertainty(result, image_size_px, &solution);
+  solution.noise_px = NoiseOf(result, static_cast<size_t>(solution.corners), good.size());
+  const double noise_px = std::max(solution.noise_px, kLeastNoisePx);
+  SetUncertainty(result.information / (noise_px * noise_px), image_size_px, &solution);
   RIGCAL_RETURN_IF_ERROR(solution.intrinsics.Validate(image_size_px));
 
   std::vector<double> tilts_deg;
@@ -512,6 +518,29 @@ absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
   return solution;
 }
 
+// The lens together with the bend, where that predicts views that were held out better.
+absl::StatusOr<LensSolution> SolveBent(const std::vector<BoardView>& views,
+                                       const ImageSize& image_size_px, const LensOptions& options,
+                                       const LensSolution& flat) {
+  const BentAdjustment first = AdjustWithBend(views, flat);
+  if (first.information.size() == 0) return flat;
+  const Eigen::Array2d sigmas = first.bend.height_m.array() / first.bend.sigma_m.array();
+  if (!(sigmas.abs().maxCoeff() > kBendSigmas)) return flat;
+  absl::StatusOr<LensSolution> bent =
+      SolveLensOnce(Bent(views, first.bend.per_m), image_size_px, options);
+  if (!bent.ok() || kAsGood * bent->held_out_rms_px > flat.held_out_rms_px) return flat;
+  bent->bend = first.bend;
+  // What the bend leaves open is open of the lens, too.
+  const BentAdjustment both = AdjustWithBend(views, *bent);
+  if (both.information.size() == 0) return flat;
+  bent->bend = both.bend;
+  bent->intrinsics = both.adjusted.estimate.intrinsics;
+  bent->noise_px = both.noise_px;
+  SetUncertainty(both.information, image_size_px, &*bent);
+  AddBendAdvice(&*bent);
+  return bent;
+}
+
 }  // namespace
 
 absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
@@ -528,17 +557,7 @@ absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
     solution = SolveLensOnce(centres, image_size_px, options);
   }
   if (!solution.ok()) return solution;
-  // A bend that is one predicts views that were held out better.
-  if (const std::optional<BoardBend> bend = FindBend(centres, *solution)) {
-    absl::StatusOr<LensSolution> bent =
-        SolveLensOnce(Bent(centres, bend->per_m), image_size_px, options);
-    if (bent.ok() && kAsGood * bent->held_out_rms_px < solution->held_out_rms_px) {
-      bent->bend = *bend;
-      AddBendAdvice(&*bent);
-      return bent;
-    }
-  }
-  return solution;
+  return SolveBent(centres, image_size_px, options, *solution);
 }
 
 }  // namespace rigcal

@@ -114,7 +114,8 @@ TEST_F(LensBookTest, ForgetsWhatNobodyAsksFor) {
 }
 
 TEST_F(LensBookTest, NamesWhatIsNotThere) {
-  EXPECT_THAT(book_->Get("s-none", "left"), StatusIs(absl::StatusCode::kNotFound));
+  EXPECT_THAT(book_->Get("s-none", "left"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("s-none")));
   EXPECT_THAT(book_->Get("s-test", "top"),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("left, right")));
 }

@@ -32,8 +32,7 @@ absl::StatusOr<LensDifference> CompareLenses(const Intrinsics& a, const Intrinsi
   std::vector<GridRay> rays;
   for (int row = 0; row < kGridRows; ++row) {
     for (int column = 0; column < kGridColumns; ++column) {
-      const Eigen::Vector2d pixel((image_size_px.width - 1.0) * column / (kGridColumns - 1),
-                                  (image_size_px.height - 1.0) * row / (kGridRows - 1));
+      const Eigen::Vector2d pixel = LensDifference::GridPixel(image_size_px, row, column);
       const absl::StatusOr<Eigen::Vector2d> ray = Undistort(a, pixel);
       if (ray.ok() && Undistort(b, pixel).ok()) {
         rays.push_back({static_cast<size_t>(row * kGridColumns + column), pixel,

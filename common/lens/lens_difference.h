@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -11,6 +12,10 @@ namespace rigcal {
 // How far two lenses of one camera are apart, over a grid of pixels of the whole image.
 struct LensDifference {
   static constexpr int kColumns = 30, kRows = 24;  // of the grid, from border to border
+  static Eigen::Vector2d GridPixel(const ImageSize& image_size_px, int row, int column) {
+    return {(image_size_px.width - 1.0) * column / (kColumns - 1),
+            (image_size_px.height - 1.0) * row / (kRows - 1)};
+  }
   double median_px = 0;
   double p95_px = 0;  // 95 % of the image differ by less
   double most_px = 0;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/lens/lens_solver.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -230,20 +229,28 @@ std::optional<LensDifference> CompareHalves(const std::vector<BoardView>& views,
   return difference.ok() ? std::optional(*difference) : std::nullopt;
 }
 
-// Of noise of the size that the residuals have.
-Eigen::VectorXd SigmasOf(const LensAdjustment& adjusted, size_t corners, size_t views) {
-  const Eigen::Index free = adjusted.information.rows();
+// Noise in each coordinate of a corner that makes the residuals.
+double NoiseOf(const LensAdjustment& adjusted, size_t corners, size_t views) {
   const double freedom =
       std::max(1.0, 2.0 * static_cast<double>(corners) - 6.0 * static_cast<double>(views) -
-                        static_cast<double>(free));
-  const Eigen::FullPivLU<Eigen::MatrixXd> factor(adjusted.information);
-  Eigen::VectorXd sigmas = Eigen::VectorXd::Constant(free, std::numeric_limits<double>::infinity());
-  if (!factor.isInvertible()) return sigmas;
-  const Eigen::MatrixXd covariance = factor.inverse() * (adjusted.cost_px2 / freedom);
-  for (Eigen::Index i = 0; i < free; ++i) {
-    if (covariance(i, i) >= 0) sigmas[i] = std::sqrt(covariance(i, i));
-  }
-  return sigmas;
+                        static_cast<double>(adjusted.information.rows()));
+  return std::sqrt(adjusted.cost_px2 / freedom);
+}
+
+// What that noise leaves uncertain.
+void AddUncertainty(const LensAdjustment& adjusted, const ImageSize& image_size_px,
+                    LensSolution* solution) {
+  solution->noise_px = NoiseOf(adjusted, static_cast<size_t>(solution->corners),
+                               static_cast<size_t>(solution->views));
+  const double noise_px = std::max(solution->noise_px, kLeastNoisePx);
+  solution->information = adjusted.information / (noise_px * noise_px);
+  const Eigen::MatrixXd covariance = CovarianceOf(solution->information);
+  const LensEstimate& lens = adjusted.estimate;
+  solution->uncertainty =
+      LensSensitivity(lens.model, lens.intrinsics, image_size_px).Of(covariance);
+  solution->sigmas = Eigen::VectorXd::Constant(adjusted.information.rows(),
+                                               std::numeric_limits<double>::infinity());
+  if (covariance.size() > 0) solution->sigmas = covariance.diagonal().cwiseSqrt();
 }
 
 double BlindShare(const Intrinsics& intrinsics, const ImageSize& image_size_px) {
@@ -428,7 +435,7 @@ absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
   solution.held_out_rms_px = solution.candidates[chosen].held_out_rms_px;
   solution.views = static_cast<int>(good.size());
   for (const BoardView& view : good) solution.corners += static_cast<int>(view.corners.size());
-  solution.sigmas = SigmasOf(result, static_cast<size_t>(solution.corners), good.size());
+  AddUncertainty(result, image_size_px, &solution);
   RIGCAL_RETURN_IF_ERROR(solution.intrinsics.Validate(image_size_px));
 
   std::vector<double> tilts_deg;

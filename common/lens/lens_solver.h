@@ -12,6 +12,7 @@
 #include "common/lens/board_view.h"
 #include "common/lens/lens_difference.h"
 #include "common/lens/lens_model.h"
+#include "common/lens/lens_uncertainty.h"
 
 namespace rigcal {
 
@@ -44,6 +45,11 @@ struct LensSolution {
   // One sigma of each free value of the intrinsics, FreeIntrinsics(model) of them: of noise in the
   // corners alone.
   Eigen::VectorXd sigmas;
+  // Likewise of the projection, over the image.
+  LensUncertainty uncertainty;
+  // Of the free intrinsics, with the poses eliminated, for the noise of these corners.
+  Eigen::MatrixXd information;
+  double noise_px = 0;  // of the corners in each coordinate, by the residuals
   double rms_px = 0;
   double held_out_rms_px = 0;
   int corners = 0;                           // that were used

@@ -8,6 +8,8 @@
 #include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "common/board/board.h"
+#include "common/lens/next_view.h"
 #include "common/lens/view_coverage.h"
 #include "common/status/status_macros.h"
 
@@ -28,6 +30,14 @@ std::string TooFewViews(const SessionViews& seen) {
                       " that differ, and a lens needs ", kLeastLensViews,
                       " at least, 20 to 40 are good: move the board all over the image, near, and "
                       "tilt it to every side");
+}
+
+// Of the views that the lens is made from, where there is one.
+NextView NextViewOf(const Session& session, const SessionCamera& camera, const SessionLens& lens) {
+  const absl::StatusOr<Board> board = ParseBoard(session.target.board);
+  if (!board.ok()) return {};
+  return AdviseNextView(board->Points(), camera.description.image_size_px, lens.seen.views,
+                        lens.solution ? &*lens.solution : nullptr, !board->HasMarkers());
 }
 
 }  // namespace
@@ -110,6 +120,7 @@ void LensBook::Make(const Key& key, const Session& session, const SessionCamera&
     lens.solution = last.solution;
     lens.solution_times_ns = last.solution_times_ns;
     lens.solution_observation_count = last.solution_observation_count;
+    lens.next_view = last.next_view;
   }
   const ImageSize& image_size_px = camera.description.image_size_px;
   absl::StatusOr<SessionViews> seen = ReadSessionViews(store_, session, camera);
@@ -128,6 +139,7 @@ void LensBook::Make(const Key& key, const Session& session, const SessionCamera&
     lens.state = SessionLens::State::kCollecting;
     lens.problem = TooFewViews(lens.seen);
     lens.solution.reset();
+    lens.next_view = NextViewOf(session, camera, lens);
     return Publish(key, std::move(lens));
   }
   lens.state = lens.solution ? SessionLens::State::kSolved : SessionLens::State::kSolving;
@@ -144,6 +156,7 @@ void LensBook::Make(const Key& key, const Session& session, const SessionCamera&
     lens.problem = std::string(solution.status().message());
     lens.solution.reset();
   }
+  lens.next_view = NextViewOf(session, camera, lens);
   Publish(key, std::move(lens));
 }
 

@@ -23,7 +23,7 @@ struct LensBookOptions {
   size_t most_lenses = 64;
   // After a lens was made its camera rests for so many times as long, before its newer observations
   // are read.
-  double rest_ratio = 3;
+  double rest_ratio = 1;
   std::chrono::milliseconds shortest_rest{1000};
 };
 

@@ -18,7 +18,7 @@ namespace {
 
 constexpr size_t kLeastCorners = 6;  // of a view
 // One sigma of a corner that is as good as any, pixels.
-constexpr double kSharpSigmaPx = 0.05;
+constexpr double kSharpSigmaPx = 0.1;
 
 // The row as a view; too few corners: it shows no board.
 BoardView ViewOf(const ObservationBatch& batch, size_t row, const Target& target, double radius_m) {

@@ -10,6 +10,7 @@
 #include "absl/status/statusor.h"
 #include "common/lens/board_view.h"
 #include "common/lens/lens_solver.h"
+#include "common/lens/next_view.h"
 #include "common/session/session.h"
 #include "server/store/store.h"
 
@@ -51,6 +52,7 @@ struct SessionLens {
   std::optional<LensSolution> solution;
   std::vector<int64_t> solution_times_ns;   // of the views it was made from
   uint64_t solution_observation_count = 0;  // that were read for it
+  NextView next_view;                       // without words: not known
 };
 
 }  // namespace rigcal::server

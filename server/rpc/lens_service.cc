@@ -76,6 +76,28 @@ absl::Status SetResult(const CameraDescription& camera, const LensSolution& solu
   return absl::OkStatus();
 }
 
+// Not a number and infinity cannot be coloured, and JSON has no words for them.
+double FiniteOrZero(double value) { return std::isfinite(value) ? value : 0; }
+
+void SetUncertainty(const LensUncertainty& uncertainty, v1::LensMap* proto) {
+  proto->set_columns(LensDifference::kColumns);
+  proto->set_rows(LensDifference::kRows);
+  for (const double value : uncertainty.map_px) proto->add_values_px(static_cast<float>(value));
+  proto->set_median_px(uncertainty.median_px);
+  proto->set_p95_px(uncertainty.p95_px);
+}
+
+void SetNextPose(const SessionLens& lens, v1::LensPose* proto) {
+  const NextView& next = lens.next_view;
+  proto->set_words(next.words);
+  for (const Eigen::Vector2d& pixel : next.outline_px) {
+    proto->add_outline_x_px(Tenth(pixel.x()));
+    proto->add_outline_y_px(Tenth(pixel.y()));
+  }
+  proto->set_expected_p95_px(FiniteOrZero(next.expected_p95_px));
+  if (lens.solution) *proto->mutable_cam_from_board() = wire::ToProto(next.cam_from_board);
+}
+
 class LensService final : public v1::LensService::Service {
  public:
   explicit LensService(const Store* store) : book_(store) {}
@@ -103,7 +125,11 @@ class LensService final : public v1::LensService::Service {
       SetViews(lens, &proto);
       proto.set_covered_share(lens.covered_share);
       for (const std::string& side : lens.bare_sides) proto.add_bare_sides(side);
+      if (!lens.next_view.words.empty()) SetNextPose(lens, proto.mutable_next_pose());
       if (!lens.solution) return absl::OkStatus();
+      if (!lens.solution->uncertainty.map_px.empty()) {
+        SetUncertainty(lens.solution->uncertainty, proto.mutable_uncertainty());
+      }
       RIGCAL_RETURN_IF_ERROR(SetResult(answer.camera, *lens.solution, proto.mutable_result()));
       proto.mutable_result()->set_observation_count(lens.solution_observation_count);
       return absl::OkStatus();

@@ -273,6 +273,27 @@ class FakeServer::Agents : public v1::AgentService::Service {
   FakeServer& fake_;
 };
 
+class FakeServer::Lenses : public v1::LensService::Service {
+ public:
+  explicit Lenses(FakeServer& fake) : fake_(fake) {}
+
+  grpc::Status GetLens(grpc::ServerContext*, const v1::GetLensRequest* request,
+                       v1::GetLensResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    const auto found = fake_.lenses.find(request->camera());
+    if (found == fake_.lenses.end()) {
+      return {grpc::StatusCode::NOT_FOUND,
+              "session '" + request->session_id() + "' has no camera '" + request->camera() + "'"};
+    }
+    if (fake_.on_get_lens) fake_.on_get_lens(found->second);
+    *response->mutable_lens() = found->second;
+    return fake_.FailureOf("GetLens");
+  }
+
+ private:
+  FakeServer& fake_;
+};
+
 class FakeServer::Cameras : public v1::CameraService::Service {
  public:
   explicit Cameras(FakeServer& fake) : fake_(fake) {}
@@ -329,6 +350,7 @@ FakeServer::FakeServer()
       calibration_service_(std::make_unique<Calibrations>(*this)),
       agent_service_(std::make_unique<Agents>(*this)),
       camera_service_(std::make_unique<Cameras>(*this)),
+      lens_service_(std::make_unique<Lenses>(*this)),
       status_service_(std::make_unique<Status>(*this)) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::ServerBuilder builder;
@@ -337,6 +359,7 @@ FakeServer::FakeServer()
   builder.RegisterService(calibration_service_.get());
   builder.RegisterService(agent_service_.get());
   builder.RegisterService(camera_service_.get());
+  builder.RegisterService(lens_service_.get());
   builder.RegisterService(status_service_.get());
   server_ = builder.BuildAndStart();
   if (server_ == nullptr) throw std::runtime_error("the fake server does not start");

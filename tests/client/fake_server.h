@@ -14,6 +14,7 @@
 #include "rigcal/v1/agent_service.grpc.pb.h"
 #include "rigcal/v1/calibration_service.grpc.pb.h"
 #include "rigcal/v1/camera_service.grpc.pb.h"
+#include "rigcal/v1/lens_service.grpc.pb.h"
 #include "rigcal/v1/session_service.grpc.pb.h"
 #include "rigcal/v1/status_service.grpc.pb.h"
 
@@ -44,6 +45,8 @@ class FakeServer {
   v1::GetPreviewResponse preview;
   // Of every call about detectors.
   v1::GetDetectorResponse detector;
+  // By camera, of any session.
+  std::map<std::string, v1::Lens> lenses;
   std::vector<v1::ObservationBatch> observations;
   // Calls of these methods ("GetSession") end with this status.
   std::map<std::string, grpc::Status> failures;
@@ -65,6 +68,7 @@ class FakeServer {
   std::function<void(v1::Session&)> on_get_session;
   std::function<void(v1::Calibration&)> on_get_calibration;
   std::function<void(v1::Detector&)> on_get_detector;
+  std::function<void(v1::Lens&)> on_get_lens;
 
   // What was asked last.
   v1::CreateSessionRequest created_session;
@@ -83,6 +87,7 @@ class FakeServer {
   class Calibrations;
   class Agents;
   class Cameras;
+  class Lenses;
   class Status;
   grpc::Status FailureOf(const std::string& method);
 
@@ -90,6 +95,7 @@ class FakeServer {
   std::unique_ptr<Calibrations> calibration_service_;
   std::unique_ptr<Agents> agent_service_;
   std::unique_ptr<Cameras> camera_service_;
+  std::unique_ptr<Lenses> lens_service_;
   std::unique_ptr<Status> status_service_;
   std::unique_ptr<grpc::Server> server_;
   int port_ = 0;

@@ -61,5 +61,24 @@ TEST(CameraWire, RefusesSettingsThatCannotBe) {
                                                HasSubstr("gain_db"), HasSubstr("frame_rate_hz"))));
 }
 
+TEST(TargetWireTest, ABoardHasItsPointsWithoutSayingThem) {
+  v1::Target proto;
+  proto.set_kind(v1::Target::KIND_RIGID);
+  proto.set_board("board:checker,9x6,0.025");
+  ASSERT_OK_AND_ASSIGN(const Target target, FromProto(proto));
+  EXPECT_EQ(target, *ParseTarget("board:checker,9x6,0.025"));
+  proto.set_board("board:checker,9x6");
+  EXPECT_THAT(FromProto(proto),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("target.board")));
+  proto.set_board("board:checker,8x6,0.025");
+  EXPECT_THAT(FromProto(proto),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("turned by 180 degrees")));
+  // Points that are given must be the board's.
+  proto.set_board("board:checker,9x6,0.025");
+  proto.add_points()->set_label("a");
+  EXPECT_THAT(FromProto(proto), StatusIs(absl::StatusCode::kInvalidArgument,
+                                         HasSubstr("its points are not those of")));
+}
+
 }  // namespace
 }  // namespace rigcal::wire::camera_wire_test

@@ -50,6 +50,8 @@ TEST_F(LensBookTest, MakesTheLensOfACameraWithoutOne) {
   EXPECT_EQ(few.lens->state, State::kCollecting);
   EXPECT_THAT(few.lens->problem, HasSubstr("there are 4 views that differ"));
   EXPECT_GT(few.lens->covered_share, 0);
+  EXPECT_FALSE(few.lens->next_view.words.empty());
+  EXPECT_TRUE(few.lens->next_view.outline_px.empty());
 
   Append(RowsOfViews(KeyOf("left"), 5, WavedViews(24, 2)));
   const LensBook::Answer made = Made();
@@ -59,6 +61,8 @@ TEST_F(LensBookTest, MakesTheLensOfACameraWithoutOne) {
   EXPECT_NEAR(made.lens->solution->intrinsics.fx_px, KnownPinhole().fx_px, 2);
   EXPECT_EQ(made.lens->solution_times_ns.size(), made.lens->seen.views.size());
   EXPECT_EQ(made.lens->solution->view_results.size(), made.lens->seen.views.size());
+  EXPECT_EQ(made.lens->next_view.outline_px.size(), 4u);
+  EXPECT_LT(made.lens->next_view.expected_p95_px, made.lens->solution->uncertainty.p95_px);
 }
 
 TEST_F(LensBookTest, MakesNothingAnewWithoutNewObservations) {
@@ -114,7 +118,8 @@ TEST_F(LensBookTest, ForgetsWhatNobodyAsksFor) {
 }
 
 TEST_F(LensBookTest, NamesWhatIsNotThere) {
-  EXPECT_THAT(book_->Get("s-none", "left"), StatusIs(absl::StatusCode::kNotFound));
+  EXPECT_THAT(book_->Get("s-none", "left"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("s-none")));
   EXPECT_THAT(book_->Get("s-test", "top"),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("left, right")));
 }

@@ -94,6 +94,28 @@ TEST(CheckSessionsFit, NamesCamerasWithoutIntrinsics) {
                        AllOf(HasSubstr("'right'"), HasSubstr("intrinsics"))));
 }
 
+TEST(CheckSessionsFit, LensesThatAreGivenCount) {
+  Session session = Finished("wave", {"left", "right", "top"});
+  session.target = *ParseTarget("board:checker,9x6,0.03");
+  session.cameras[1].description.intrinsics.reset();
+  session.cameras[2].description.intrinsics.reset();
+  CalibrationOptions options;
+  EXPECT_THAT(server::CheckSessionsFit({{session}}, options),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("cameras 'right', 'top' of session 'wave' have no lens"),
+                             HasSubstr("page Lens"), HasSubstr("rigcal lens use wave"))));
+  options.given_intrinsics.push_back({"right", {1280, 1024}, *MakeCamera("right").intrinsics});
+  EXPECT_THAT(server::CheckSessionsFit({{session}}, options),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       HasSubstr("camera 'top' of session 'wave' has no lens")));
+  options.without_cameras = {"top"};
+  EXPECT_THAT(server::CheckSessionsFit({{session}}, options), IsOk());
+  // Recorded again with the lens in its agent.
+  Session again = Finished("again", {"right"});
+  again.target = session.target;
+  EXPECT_THAT(server::CheckSessionsFit({{session, again}}, options), IsOk());
+}
+
 class ReadCalibrationInput : public SessionFixture {
  protected:
   absl::StatusOr<server::CalibrationInput> Read(const std::vector<std::string>& ids,

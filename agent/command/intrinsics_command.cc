@@ -7,11 +7,13 @@
 #include "absl/strings/str_cat.h"
 #include "agent/capture/image_file.h"
 #include "agent/command/board_views.h"
+#include "agent/command/corner_file.h"
 #include "agent/command/frame_input.h"
 #include "agent/command/lens_report.h"
 #include "agent/command/subcommands.h"
 #include "common/board/board.h"
 #include "common/camera/camera_export.h"
+#include "common/file/durable_file.h"
 #include "common/file/may_write.h"
 #include "common/lens/lens_solver.h"
 #include "common/status/status_macros.h"
@@ -28,6 +30,7 @@ struct IntrinsicsFlags {
   std::string board;
   std::string out;
   bool force = false;
+  std::string corners;  // file for the points that were found; empty: none
   std::string model = "auto";
   int views = -1;  // not given
   std::string format = "table";
@@ -70,6 +73,9 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
                                                    " are the least, 20 to 40 are good"));
   }
   RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
+  if (!flags.corners.empty()) {
+    RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.corners, flags.force));
+  }
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(WithoutLens(flags.input)));
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec->Make());
   const auto tell = [&](const BoardViews& so_far) {
@@ -79,6 +85,9 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
   };
   RIGCAL_ASSIGN_OR_RETURN(const BoardViews views,
                           CollectBoardViews(board, collecting, frames.get(), tell));
+  if (!flags.corners.empty()) {
+    RIGCAL_RETURN_IF_ERROR(WriteOutputFile(flags.corners, CornersText(board, views)));
+  }
   RIGCAL_ASSIGN_OR_RETURN(const LensSolution solution,
                           SolveLens(views.views, views.image_size_px, options));
   RIGCAL_RETURN_IF_ERROR(WriteCameraExport(flags.out, {.camera = views.camera,
@@ -112,6 +121,10 @@ void AddIntrinsicsCommand(CLI::App& app, Subcommands* all) {
           CLI::IsMember({"auto", "pinhole4", "pinhole5", "pinhole8", "fisheye"}).description(""));
   command.add_option("--views", flags.views,
                      "Views to use at most; 0: all [40 of a camera or video, all of images]");
+  command
+      .add_option("--corners", flags.corners,
+                  "Also write the points that were found, as mrcal reads them (vnlog)")
+      ->type_name("FILE");
   AddFormatOption(command, &flags.format, "table or json [table]");
   command.footer(
       "Hold the board near, tilted to every side, all over the image. Examples:\n"

@@ -42,12 +42,26 @@ double LossWeight(double squared, double loss_px) {
   return loss_px <= 0 ? 1.0 : 1.0 / (1.0 + squared / (loss_px * loss_px));
 }
 
+// Of the squares of intrinsics, px^2; empty: there are no priors.
+Eigen::VectorXd PriorWeights(const LensEstimate& estimate) {
+  if (estimate.model != LensModel::kPinhole8 || !(estimate.noise_px > 0)) return {};
+  // fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(FreeIntrinsics(estimate.model));
+  for (const int radial : {4, 5, 8, 9, 10, 11}) {
+    weights[radial] = std::pow(estimate.noise_px / kRationalSigma, 2);
+  }
+  return weights;
+}
+
 double CostOf(const std::vector<BoardView>& flat, const LensEstimate& estimate, double loss_px) {
   const bool is_bent = !estimate.bend_per_m.isZero(0);
   const std::vector<BoardView> bent =
       is_bent ? Bent(flat, estimate.bend_per_m) : std::vector<BoardView>();
   const std::vector<BoardView>& views = is_bent ? bent : flat;
   double cost = 0;
+  const IntrinsicsVector values = ToVector(estimate.intrinsics);
+  const Eigen::VectorXd weights = PriorWeights(estimate);
+  for (Eigen::Index i = 0; i < weights.size(); ++i) cost += weights[i] * values[i] * values[i];
   for (size_t i = 0; i < views.size(); ++i) {
     for (const double error :
          CornerErrors(views[i], estimate.intrinsics, estimate.cam_from_board[i])) {
@@ -107,6 +121,11 @@ NormalEquations Linearise(const std::vector<BoardView>& flat, const LensEstimate
       equations.shared += weight * jacobian.transpose() * jacobian;
       equations.gradient += weight * jacobian.transpose() * error;
     }
+  }
+  const Eigen::VectorXd weights = PriorWeights(estimate);
+  if (free > 0 && weights.size() > 0) {
+    equations.shared.diagonal().head(free) += weights;
+    equations.gradient.head(free) += weights.cwiseProduct(values.head(free));
   }
   return equations;
 }

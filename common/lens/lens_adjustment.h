@@ -19,7 +19,12 @@ struct LensEstimate {
   // How the board is bent: bend.x (x - a)^2 + bend.y (y - b)^2 is added to z of a point, with (a,
   // b) its middle (MiddleOfBoard). 1/m.
   Eigen::Vector2d bend_per_m = Eigen::Vector2d::Zero();
+  // Noise in each coordinate of a corner, for the priors of pinhole8: numerator and denominator of
+  // its radial term can grow together and cancel each other, so each of their coefficients is 0 with
+  // one sigma of kRationalSigma. 0: not known, no priors.
+  double noise_px = 0;
 };
+inline constexpr double kRationalSigma = 3;
 
 // Of the rectangle that holds all points that were seen.
 Eigen::Vector2d MiddleOfBoard(const std::vector<BoardView>& views);

@@ -21,6 +21,8 @@ namespace {
 
 constexpr size_t kLeastCornersOfView = 6;
 constexpr size_t kFolds = 5;
+// A corner at the border may have no ray by a lens that was solved without it.
+constexpr double kMostHeldOutPx = 5;
 constexpr double kAsGood = 1.02;     // of the least held-out error: the simpler model wins ...
 constexpr double kSystematic = 2.5;  // ... unless its views are worse by so many standard errors
 
@@ -87,6 +89,8 @@ absl::StatusOr<LensEstimate> SolveRobustly(LensModel model, const ImageSize& ima
     LensAdjustmentOptions options;
     options.loss_px = loss;
     start = AdjustLens(views, start, options).estimate;
+    start.noise_px =
+        std::max(UpperMedian(ErrorsOf(views, start)) / kMedianOfRayleigh, kLeastNoisePx);
   }
   return start;
 }
@@ -189,8 +193,10 @@ std::vector<std::vector<double>> HeldOutErrors(const std::vector<BoardView>& vie
     options.fix_intrinsics = true;
     const LensAdjustment placed = AdjustLens(held_out.views, held_out.estimate, options);
     for (size_t k = 0; k < held_out.views.size(); ++k) {
-      errors[fold + k * folds] = CornerErrors(held_out.views[k], placed.estimate.intrinsics,
-                                              placed.estimate.cam_from_board[k]);
+      std::vector<double>& of_view = errors[fold + k * folds];
+      of_view = CornerErrors(held_out.views[k], placed.estimate.intrinsics,
+                             placed.estimate.cam_from_board[k]);
+      for (double& error : of_view) error = std::min(error, kMostHeldOutPx);
     }
   }
   return errors;
@@ -387,6 +393,7 @@ BentAdjustment AdjustWithBend(const std::vector<BoardView>& views, const LensSol
   start.model = solution.model;
   start.intrinsics = solution.intrinsics;
   if (solution.bend) start.bend_per_m = solution.bend->per_m;
+  start.noise_px = std::max(solution.noise_px, kLeastNoisePx);
   size_t corners = 0;
   for (size_t i = 0; i < views.size(); ++i) {
     if (!solution.view_results[i].left_out.empty()) continue;

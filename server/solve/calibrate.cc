@@ -11,10 +11,10 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <string_view>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 #include "common/status/status_macros.h"
 #include "common/target/target_words.h"
 #include "server/associate/repeated_rows.h"
@@ -314,7 +314,7 @@ void SpeakOfTarget(const Target& target, absl::StatusOr<CalibrationResult>* resu
   if (!result->ok()) {
     const absl::Status& status = result->status();
     absl::Status spoken(status.code(), SpeakOf(target, std::string(status.message())));
-    status.ForEachPayload([&](std::string_view url, const absl::Cord& payload) {
+    status.ForEachPayload([&](absl::string_view url, const absl::Cord& payload) {
       spoken.SetPayload(url, payload);
     });
     *result = std::move(spoken);

@@ -48,20 +48,20 @@ class LensService : public RpcFixture {
 
 TEST_F(LensService, MakesALensThatAFileHolds) {
   ASSERT_THAT(store().CreateSession(OfBoard(CapturingSession({"left"}))), IsOk());
-  Append(RowsOfViews(KeyOf("left"), 1, WavedViews(24)));
+  Append(RowsOfViews(KeyOf("left"), 1, WavedViews(12)));
   const v1::Lens lens = Await(v1::Lens::STATE_SOLVED);
   EXPECT_EQ(lens.board(), "board:checker,9x6,0.03");
   EXPECT_FALSE(lens.has_lens());
-  EXPECT_EQ(lens.stored_count(), 24u);
-  EXPECT_EQ(lens.observation_count(), 24u);
+  EXPECT_EQ(lens.stored_count(), 12u);
+  EXPECT_EQ(lens.observation_count(), 12u);
   EXPECT_THAT(lens.problem(), IsEmpty());
   ASSERT_EQ(static_cast<uint64_t>(lens.views_size()),
-            24 - lens.alike_count() - lens.blurred_count());
+            12 - lens.alike_count() - lens.blurred_count());
   EXPECT_EQ(lens.views(0).x_px_size(), lens.views(0).y_px_size());
   EXPECT_GT(lens.views(0).rms_px(), 0);
   EXPECT_GT(lens.covered_share(), 0.3);
   const v1::LensResult& result = lens.result();
-  EXPECT_EQ(result.observation_count(), 24u);
+  EXPECT_EQ(result.observation_count(), 12u);
   EXPECT_NEAR(result.intrinsics().fx_px(), 520, 2);
   EXPECT_EQ(result.candidates_size(), 4);
   EXPECT_THAT(result.opencv_yaml(), StartsWith("%YAML"));

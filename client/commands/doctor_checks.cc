@@ -136,9 +136,11 @@ Check CheckIntrinsics(const v1::ListAgentsResponse& agents) {
     return {CheckLevel::kOk, "intrinsics",
             connected == 0 ? "no camera is connected" : "every connected camera has intrinsics"};
   }
-  return {CheckLevel::kWarn, "intrinsics",
-          absl::StrCat("without intrinsics: ", absl::StrJoin(without, ", ")),
-          "such a camera can stream but not be calibrated; give its agent a calibration file"};
+  return {
+      CheckLevel::kWarn, "intrinsics",
+      absl::StrCat("without intrinsics: ", absl::StrJoin(without, ", ")),
+      "such a camera can stream but not be calibrated; give its agent a calibration file, which "
+      "page Lens of the dashboard makes from a printed board"};
 }
 
 Check CheckSessions(const v1::ListSessionsResponse& sessions, double now_s) {

@@ -16,8 +16,6 @@
 namespace rigcal::server {
 namespace {
 
-constexpr int kLensNice = 10;
-
 std::string TooFewViews(const SessionViews& seen) {
   if (seen.observation_count == 0) return "nothing has been recorded with this camera yet";
   if (seen.board_count == 0) {
@@ -45,8 +43,8 @@ NextView NextViewOf(const Session& session, const SessionCamera& camera, const S
 LensBook::LensBook(const Store* store, LensBookOptions options)
     : store_(*store), options_(options) {
   tasks_.Start();
-  // Of this thread alone, on Linux: observations are taken first.
-  tasks_.Post([] { setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kLensNice); });
+  // Of this thread alone, on Linux.
+  tasks_.Post([this] { setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), options_.nice); });
 }
 
 absl::StatusOr<LensBook::Entry*> LensBook::FindOrAdd(const Key& key) {

@@ -25,6 +25,8 @@ struct LensBookOptions {
   // are read.
   double rest_ratio = 1;
   std::chrono::milliseconds shortest_rest{1000};
+  // Of its thread alone: observations are taken first.
+  int nice = 5;
 };
 
 // Makes the lenses of cameras from sessions, one at a time on a thread of low priority, when

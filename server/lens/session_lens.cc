@@ -86,7 +86,8 @@ absl::StatusOr<SessionViews> ReadSessionViews(const Store& store, const Session&
         ++seen.board_count;
         view.time_ns = batch.time_ns[row];
         if (!first_ns) first_ns = view.time_ns;
-        view.name = absl::StrFormat("view at %.1f s", 1e-9 * (view.time_ns - *first_ns));
+        view.name =
+            absl::StrFormat("view at %.1f s", 1e-9 * static_cast<double>(view.time_ns - *first_ns));
         choice.Offer(view, BlurOf(batch, row));
       }
     }

@@ -24,9 +24,10 @@ class LensBookTest : public StoreFixture {
     StoreFixture::SetUp();
     ASSERT_THAT(store().CreateSession(OfBoard(CapturingSession({"left", "right"}))), IsOk());
     book_ = std::make_unique<LensBook>(
-        &store(),
-        server::LensBookOptions{
-            .most_lenses = 2, .rest_ratio = 0, .shortest_rest = std::chrono::milliseconds(0)});
+        &store(), server::LensBookOptions{.most_lenses = 2,
+                                          .rest_ratio = 0,
+                                          .shortest_rest = std::chrono::milliseconds(0),
+                                          .nice = 0});
   }
   void TearDown() override { book_.reset(); }
   // What is known when nothing is being made any more.
@@ -53,11 +54,11 @@ TEST_F(LensBookTest, MakesTheLensOfACameraWithoutOne) {
   EXPECT_FALSE(few.lens->next_view.words.empty());
   EXPECT_TRUE(few.lens->next_view.outline_px.empty());
 
-  Append(RowsOfViews(KeyOf("left"), 5, WavedViews(24, 2)));
+  Append(RowsOfViews(KeyOf("left"), 5, WavedViews(12, 2)));
   const LensBook::Answer made = Made();
   ASSERT_EQ(made.lens->state, State::kSolved) << made.lens->problem;
-  EXPECT_EQ(made.stored_count, 28u);
-  EXPECT_EQ(made.lens->solution_observation_count, 28u);
+  EXPECT_EQ(made.stored_count, 16u);
+  EXPECT_EQ(made.lens->solution_observation_count, 16u);
   EXPECT_NEAR(made.lens->solution->intrinsics.fx_px, KnownPinhole().fx_px, 2);
   EXPECT_EQ(made.lens->solution_times_ns.size(), made.lens->seen.views.size());
   EXPECT_EQ(made.lens->solution->view_results.size(), made.lens->seen.views.size());
@@ -66,18 +67,18 @@ TEST_F(LensBookTest, MakesTheLensOfACameraWithoutOne) {
 }
 
 TEST_F(LensBookTest, MakesNothingAnewWithoutNewObservations) {
-  Append(RowsOfViews(KeyOf("left"), 1, WavedViews(10)));
+  Append(RowsOfViews(KeyOf("left"), 1, WavedViews(3)));
   const auto made = Made().lens;
   EXPECT_EQ(Made().lens, made);
-  Append(RowsOfViews(KeyOf("left"), 11, WavedViews(2, 3)));
+  Append(RowsOfViews(KeyOf("left"), 4, WavedViews(2, 3)));
   const auto again = Made().lens;
   EXPECT_NE(again, made);
-  EXPECT_EQ(again->seen.observation_count, 12u);
+  EXPECT_EQ(again->seen.observation_count, 5u);
 }
 
 TEST_F(LensBookTest, RestsBetweenTwoLenses) {
   book_ = std::make_unique<LensBook>(
-      &store(), server::LensBookOptions{.shortest_rest = std::chrono::hours(1)});
+      &store(), server::LensBookOptions{.shortest_rest = std::chrono::hours(1), .nice = 0});
   Append(RowsOfViews(KeyOf("left"), 1, WavedViews(3)));
   const auto made = Made().lens;
   Append(RowsOfViews(KeyOf("left"), 4, WavedViews(3, 3)));
@@ -93,7 +94,7 @@ TEST_F(LensBookTest, ViewsThatMakeNoLensSayWhy) {
   Append(RowsOfViews(
       KeyOf("left"), 1,
       SeenBoards(board, KnownPinhole(), kKnownImage,
-                 WavedBoard(board, KnownPinhole(), kKnownImage, 12, 0.3, 0.5, 0.0, 1), 0.05, 1)));
+                 WavedBoard(board, KnownPinhole(), kKnownImage, 8, 0.3, 0.5, 0.0, 1), 0.05, 1)));
   const auto lens = Made().lens;
   EXPECT_EQ(lens->state, State::kFailed);
   EXPECT_THAT(lens->problem, HasSubstr("cannot be told apart"));

@@ -18,13 +18,16 @@ import { NoCameras, sessionState, usableCameras } from '../wave/session_controls
 import { drawUncertainty, drawViews, shortPx } from './draw_lens';
 import { chooseCamera, chooseSession, isBehind, isBoardSession, lensCameras, lensState } from './lens_state';
 
+/** As wide as there is room, and of the shape of the camera's image. */
+const shapeOf = (lens: Lens): { aspectRatio: string } => ({ aspectRatio: `${lens.image_size_px?.width || 4} / ${lens.image_size_px?.height || 3}` });
+
 /** What the camera sees now, and on it where the board has been. */
 function Views({ lens, rig, live, theme }: { lens: Lens; rig: string; live: string; theme: string }): JSX.Element {
   const image = useRef<HTMLImageElement>(null);
   const [shown, setShown] = useState(false);
   const draw = useMemo(() => drawViews(lens, shown), [lens, shown, theme]);
   const corners = (lens.views ?? []).reduce((sum, view) => sum + (view.x_px?.length ?? 0), 0);
-  return <div class="lensview">
+  return <div class="lensview" style={shapeOf(lens)}>
     {live !== '' && <LiveImage image={image} rig={rig} camera={lens.camera ?? ''} state={live} onShown={setShown} />}
     <Canvas draw={draw} label={`${lens.camera}: ${count(corners)} corners of ${lens.views?.length ?? 0} views, in ${percent(lens.covered_share ?? 0)} of the image${lens.next_pose?.words ? `; next: ${lens.next_pose.words}` : ''}`} />
   </div>;
@@ -47,17 +50,17 @@ function Result({ lens }: { lens: Lens }): JSX.Element {
   const intrinsics = result?.intrinsics;
   const file = `${lens.camera}.yaml`;
   return <>
-    <dl class="facts">
-      <Fact name="model" title="Chosen by the error in views that the lens was made without">{result?.model ?? missing}</Fact>
+    {result && <dl class="facts">
+      <Fact name="model" title="Chosen by the error in views that the lens was made without">{result.model}</Fact>
       <Fact name="focal length">{intrinsics ? `${fixed(intrinsics.fx_px, 1)}, ${fixed(intrinsics.fy_px, 1)} px` : missing}</Fact>
       <Fact name="middle">{intrinsics ? `${fixed(intrinsics.cx_px, 1)}, ${fixed(intrinsics.cy_px, 1)} px` : missing}</Fact>
-      <Fact name="held-out error" title="RMS in views that the lens was made without">{result ? `${fixed(result.held_out_rms_px ?? 0, 3)} px` : missing}</Fact>
-      <Fact name="error" title="RMS in the views that the lens was made from">{result ? `${fixed(result.rms_px ?? 0, 3)} px` : missing}</Fact>
+      <Fact name="held-out error" title="RMS in views that the lens was made without">{fixed(result.held_out_rms_px ?? 0, 3)} px</Fact>
+      <Fact name="error" title="RMS in the views that the lens was made from">{fixed(result.rms_px ?? 0, 3)} px</Fact>
       <Fact name="two halves differ by" title="Two lenses from half of the views each, in 95 % of the image">
-        {result?.halves_p95_px === undefined ? missing : `${shortPx(result.halves_p95_px)} px`}</Fact>
+        {result.halves_p95_px === undefined ? missing : `${shortPx(result.halves_p95_px)} px`}</Fact>
       <Fact name="uncertainty" title="In 95 % of the image">{lens.uncertainty ? `${shortPx(lens.uncertainty.p95_px ?? 0)} px` : missing}</Fact>
-      <Fact name="views, corners">{result ? `${count(result.view_count ?? 0)}, ${count(result.corner_count ?? 0)}` : missing}</Fact>
-    </dl>
+      <Fact name="views, corners">{count(result.view_count ?? 0)}, {count(result.corner_count ?? 0)}</Fact>
+    </dl>}
     {!!result?.advice?.length && <ul class="reasons">{result.advice.map((sentence) => <li key={sentence}>{sentence}</li>)}</ul>}
     <div class="buttons">
       <button type="button" class="primary" disabled={!result} onClick={() =>
@@ -102,14 +105,14 @@ function CameraLens({ session, camera, rig, theme }: { session: Session; camera:
       </Panel>
       <Panel name="lens" title="Lens" aside={<Chip mark={mark}>{word}</Chip>}>
         {lens?.has_lens && <p class="hint">This camera had a lens when it was recorded. This one is made anew and changes nothing by itself.</p>}
-        <Problem text={lens?.problem ?? ''} />
+        {lens?.state === 'STATE_COLLECTING' ? <p class="hint">{lens.problem}</p> : <Problem text={lens?.problem ?? ''} />}
         {lens && <Result lens={lens} />}
         {left.length > 0 && <details><summary>Views that were left out ({left.length})</summary>
           <ul class="steps">{left.map((view) => <li key={view.time_ns}>{view.left_out}</li>)}</ul></details>}
       </Panel>
     </div>
     {lens?.uncertainty && <Panel name="map" title="How uncertain the lens is, px">
-      <div class="lensview"><Canvas draw={uncertainty} label={`${camera}: the lens is uncertain by ${shortPx(lens.uncertainty.median_px ?? 0)} pixels in half of the image, ${shortPx(lens.uncertainty.p95_px ?? 0)} in 95 %`} /></div>
+      <div class="lensview" style={shapeOf(lens)}><Canvas draw={uncertainty} label={`${camera}: the lens is uncertain by ${shortPx(lens.uncertainty.median_px ?? 0)} pixels in half of the image, ${shortPx(lens.uncertainty.p95_px ?? 0)} in 95 %`} /></div>
       <p class="hint">One sigma of where the lens shows a point. Each number is the largest of its part of the image; below 0.2 is good. Strokes: the lens has no ray there.</p>
     </Panel>}
   </>;
@@ -138,7 +141,7 @@ function StartBoard({ busy, onStarted }: { busy: string; onStarted: (id: string)
   return <div class="start">
     {usable.length === 0 && !stale && <NoCameras />}
     <label>Board<input value={board} spellcheck={false} autocomplete="off" onInput={(event) => setBoard(event.currentTarget.value)} /></label>
-    <p class="hint">Inner corners (not squares) and the side of a square in metres. Others: <code>board:charuco,10x7,0.025,0.018,5x5_100</code>,
+    <p class="hint">Inner corners (not squares) and the side of a square in metres. Others: <code>board:charuco,10x7,0.025,0.018,5x5_100</code>,{' '}
       <code>board:aprilgrid,6x6,0.029,0.3</code>, <code>board:circles,4x11,0.02</code>. In a terminal, <code>rigcal board print {board}</code> makes one to print.</p>
     {busy !== '' && <p class="hint">Session {busy} captures something else: stop it on page Wave first.</p>}
     {usable.length > 0 && <WorkButton kind="primary" disabled={stale || busy !== '' || board.trim() === ''} work={async () => {

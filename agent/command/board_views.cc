@@ -2,14 +2,17 @@
 #include "agent/command/board_views.h"
 
 #include <algorithm>
+#include <cmath>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "agent/detect/board/board_counts.h"
-#include "agent/detect/board/board_detector.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
-#include "common/target/target.h"
 
 namespace rigcal::agent {
 namespace {
@@ -19,6 +22,8 @@ constexpr double kBlurredRatio = 1.8;   // of the sharpest view's edges ...
 constexpr double kBlurredEdgePx = 4.5;  // ... and wider than this
 constexpr size_t kKeptPictures = 10;    // to look for other counts in
 constexpr int kMostBarePictures = 200;  // of a source without end
+constexpr int kSpotGrey = 150;          // darker in a picture of events: a spot
+constexpr double kLeastSpotPx = 5;
 
 cv::Mat CopyOf(const ImageView& image) {
   const int type = image.format == PixelFormat::kMono8 ? CV_8UC1 : CV_8UC3;
@@ -75,30 +80,88 @@ absl::Status NoBoard(const Board& board, int looked_at, const std::vector<cv::Ma
                    "; say --board ", FormatBoard(guess->board)));
 }
 
+// How wide dark spots of a picture are, median.
+double SpotWidthPx(const cv::Mat& picture) {
+  cv::Mat labels, stats, centroids;
+  const int count =
+      cv::connectedComponentsWithStats(picture < kSpotGrey, labels, stats, centroids, 8, CV_32S);
+  std::vector<double> widths;
+  for (int i = 1; i < count; ++i) {
+    const int area = stats.at<int>(i, cv::CC_STAT_AREA);
+    if (area >= 4) widths.push_back(std::sqrt(area * 4 / 3.14159265));
+  }
+  return widths.empty() ? 0 : UpperMedian(std::move(widths));
+}
+
+absl::Status NoBoardInEvents(const Board& board, const EventBoardCounts& counts,
+                             const std::vector<cv::Mat>& pictures) {
+  const std::string flicker =
+      counts.flicker_hz > 0
+          ? absl::StrFormat(" Something flickers at %.1f Hz: a lamp?", counts.flicker_hz)
+          : "";
+  if (counts.events == 0) return absl::FailedPreconditionError("there were no events");
+  const std::string how =
+      "open the page /pattern of rigcal-server on a screen, full screen, lower the lights, and "
+      "hold it still before the camera for a second at a time; or move a printed board of circles "
+      "without a rest";
+  if (counts.pictures == 0 && counts.too_quick > counts.bursts) {
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "no %s board: what changes does so %s, as a lamp does, and not a screen; %s",
+        CountsOf(board),
+        counts.flicker_hz > 0 ? absl::StrFormat("at %.1f Hz", counts.flicker_hz)
+                              : std::string("every few milliseconds"),
+        how));
+  }
+  if (counts.pictures == 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("no ", CountsOf(board), " board: nothing blinks and next to nothing moves in ",
+                     counts.events, " events.", flicker, " Now ", how));
+  }
+  const absl::Status none = NoBoard(board, static_cast<int>(counts.pictures), pictures);
+  if (absl::StrContains(none.message(), "say --board")) return none;
+  const std::string head =
+      absl::StrFormat("no %s board in %u pictures of %s", CountsOf(board), counts.pictures,
+                      counts.bursts > 0 && counts.blink_hz > 0
+                          ? absl::StrFormat("what blinks at %.2f Hz", counts.blink_hz)
+                          : std::string("what moves"));
+  std::vector<double> widths;
+  for (const cv::Mat& picture : pictures) widths.push_back(SpotWidthPx(picture));
+  const double width_px = widths.empty() ? 0 : UpperMedian(std::move(widths));
+  if (counts.bursts > 0 && width_px > 0 && width_px < kLeastSpotPx) {
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "%s: its spots are %.0f px wide. Go nearer, or take a larger screen: a circle should be at "
+        "least %.0f px wide in the image",
+        head, width_px, kLeastSpotPx));
+  }
+  return absl::FailedPreconditionError(absl::StrCat(
+      head,
+      ": are the counts those of --board, is all of it in the image, and is it not a mirror "
+      "image?",
+      flicker, " If there is no such board yet, ", how));
+}
+
 }  // namespace
 
 absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardViewsOptions& options,
-                                             FrameSource* frames,
+                                             BoardPictures* pictures,
                                              const std::function<void(const BoardViews&)>& taken) {
   BoardViews result;
-  result.image_size_px = frames->description().image_size_px;
-  result.camera = frames->description().camera;
+  result.image_size_px = pictures->description().image_size_px;
+  result.camera = pictures->description().camera;
   const double moved_px =
       kMovedShare * std::hypot(result.image_size_px.width, result.image_size_px.height);
   const auto points = board.Points();
   std::vector<cv::Mat> bare;
   double sharpest = 0;
-  // What a simulated camera shows; others ignore it.
-  RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget("wand:0,0.13,0.39"));
-  RIGCAL_RETURN_IF_ERROR(frames->Start(target));
+  RIGCAL_RETURN_IF_ERROR(pictures->Start());
   while (options.views == 0 || static_cast<int>(result.views.size()) < options.views) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames->Next());
-    if (!frame) break;
+    RIGCAL_ASSIGN_OR_RETURN(const BoardPicture* const picture, pictures->Next());
+    if (picture == nullptr) break;
     ++result.pictures;
-    RIGCAL_ASSIGN_OR_RETURN(const std::optional<SeenBoard> seen, FindBoard(board, frame->image));
+    const std::optional<SeenBoard>& seen = picture->seen;
     if (!seen) {
       if (result.with_board == 0 && bare.size() < kKeptPictures) {
-        bare.push_back(CopyOf(frame->image));
+        bare.push_back(CopyOf(picture->image));
       }
       const bool is_bare = result.with_board == 0 && result.pictures >= kMostBarePictures;
       if (options.only_different && is_bare) break;
@@ -115,7 +178,7 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
     if (options.only_different) {
       const double edge = seen->edge_width_px;
       if (edge > 0 && (sharpest == 0 || edge < sharpest)) sharpest = edge;
-      if (edge > std::max(kBlurredEdgePx, kBlurredRatio * sharpest)) {
+      if (picture->is_blurred || edge > std::max(kBlurredEdgePx, kBlurredRatio * sharpest)) {
         ++result.blurred;
         continue;
       }
@@ -130,7 +193,9 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
     result.views.push_back(std::move(view));
     taken(result);
   }
-  frames->Stop();
+  pictures->Stop();
+  result.events = pictures->event_counts();
+  if (result.with_board == 0 && result.events) return NoBoardInEvents(board, *result.events, bare);
   if (result.pictures == 0) return absl::FailedPreconditionError("there were no pictures");
   if (result.with_board == 0) return NoBoard(board, result.pictures, bare);
   return result;

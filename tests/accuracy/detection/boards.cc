@@ -20,6 +20,7 @@
 #include "common/lens/lens_solver.h"
 #include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/detection/detection_experiments.h"
+#include "tests/accuracy/detection/event_boards.h"
 #include "tests/accuracy/seed_options.h"
 #include "tests/accuracy/seed_runs.h"
 #include "tests/agent/detect/board/rendered_board.h"
@@ -234,6 +235,13 @@ Experiment Boards() {
   defaults.count = 20;
   return SeedExperiment("boards", "points of printed boards, and lenses from them", defaults,
                         [](const SeedOptions& seeds) {
+                          // Minutes for each case, so only where it is asked for: "events",
+                          // "events OLED".
+                          if (seeds.only.starts_with("events")) {
+                            const std::string rest = seeds.only.substr(6);
+                            PrintEventBoards(seeds, rest.empty() ? rest : rest.substr(1));
+                            return 0;
+                          }
                           if (seeds.only != "lenses") PrintPoints(seeds);
                           if (seeds.only != "points") PrintLenses(seeds);
                           return 0;

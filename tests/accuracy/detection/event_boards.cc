@@ -25,8 +25,8 @@ namespace rigcal::accuracy {
 namespace {
 
 constexpr ImageSize kImage{1280, 720};
-constexpr double kWatchedS = 60;
-constexpr double kSecondsOfPose = 1.5;
+constexpr double kWatchedS = 40;
+constexpr double kSecondsOfPose = 1;
 constexpr int64_t kEventSliceUs = 10'000;
 
 struct EventBoardCase {

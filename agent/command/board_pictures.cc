@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
+#include "agent/capture/event_board_watch.h"
 #include "agent/capture/image_file.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
@@ -105,13 +105,7 @@ std::unique_ptr<BoardPictures> PicturesOfFrames(const Board& board,
 
 absl::StatusOr<std::unique_ptr<BoardPictures>> PicturesOfEvents(
     const Board& board, std::unique_ptr<EventSource> events) {
-  if (!board.HasCircles()) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "camera ", events->description().camera, " yields events, in which the corners of ",
-        FormatBoard(board),
-        " cannot be found well: take a board of circles, on a screen (the page /pattern of "
-        "rigcal-server shows one that blinks) or printed and moved: board:circles,4x11,0.02"));
-  }
+  RIGCAL_RETURN_IF_ERROR(CheckShownByEvents(board, events->description().camera));
   return std::make_unique<EventPictures>(board, std::move(events));
 }
 

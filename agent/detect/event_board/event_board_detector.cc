@@ -204,7 +204,8 @@ struct EventBoardDetector::Impl {
   absl::Status Search(EventBoardPicture* picture) {
     ++counts.pictures;
     picture->clock_epoch = epoch;
-    RIGCAL_ASSIGN_OR_RETURN(picture->seen, FindBoard(board, ViewOfGrey(picture->grey)));
+    RIGCAL_ASSIGN_OR_RETURN(picture->seen,
+                            FindBoard(board, ViewOfGrey(picture->grey), BoardSearch::kQuick));
     if (picture->seen) ++counts.boards;
     return absl::OkStatus();
   }

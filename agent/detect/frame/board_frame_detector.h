@@ -40,8 +40,6 @@ class BoardFrameDetector : public FrameDetector {
   absl::StatusOr<std::optional<SeenBoard>> Search(const ImageView& image);
   void Keep(const ImageView& image, const std::vector<Eigen::Vector2d>& pixels);
   ImageView WithoutIgnored(const ImageView& image);
-  // Moves the images of circles to those of their centres, where the lens is known.
-  void CorrectCircles(std::vector<Eigen::Vector2d>* pixels) const;
 
   Target target_;
   CameraDescription camera_;

@@ -17,8 +17,9 @@ constexpr uint64_t kOneSwitchWands = 20;      // likewise that pixels answer one
 }  // namespace
 
 absl::Status EventObservationSource::Start(const Target& target) {
-  RIGCAL_RETURN_IF_ERROR(CheckIsLine(target));
+  if (target.board.empty()) RIGCAL_RETURN_IF_ERROR(CheckIsLine(target));
   ended_ = true;
+  board_.reset();
   detector_.reset();
   past_faults_ = EventFaults();
   past_counts_ = BlinkWandCounts();
@@ -30,6 +31,12 @@ absl::Status EventObservationSource::Start(const Target& target) {
   losses_ = EventLossReport();
   found_.clear();
   next_ = 0;
+  if (!target.board.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(board_, EventBoardWatch::Create(target, description()));
+    RIGCAL_RETURN_IF_ERROR(events_->Start(target));
+    ended_ = false;
+    return absl::OkStatus();
+  }
   // Fails now if the detector cannot work, whatever the format will be.
   RIGCAL_RETURN_IF_ERROR(BlinkWandDetector::Create(options_, target, description(),
                                                    EventFormat::kEvt3, /*halves_swapped=*/false)
@@ -52,7 +59,10 @@ absl::StatusOr<bool> EventObservationSource::TakeChunk() {
   if (ended_) return false;
   RIGCAL_ASSIGN_OR_RETURN(const std::optional<EventChunk> chunk, events_->Next());
   if (chunk) {
-    RIGCAL_RETURN_IF_ERROR(Detect(*chunk));
+    RIGCAL_RETURN_IF_ERROR(board_ ? board_->Take(*chunk, &found_) : Detect(*chunk));
+  } else if (board_) {
+    ended_ = true;
+    RIGCAL_RETURN_IF_ERROR(board_->Finish(&found_));
   } else {
     ended_ = true;
     if (detector_) detector_->Finish(&found_);
@@ -156,6 +166,7 @@ void EventObservationSource::LogLosses(bool is_end) {
 EventFaults EventObservationSource::AllFaults() const {
   EventFaults all = past_faults_;
   if (detector_) all += detector_->faults();
+  if (board_) all += board_->faults();
   return all;
 }
 
@@ -174,7 +185,7 @@ absl::StatusOr<std::optional<Observation>> EventObservationSource::Next() {
 }
 
 std::optional<DetectionCounts> EventObservationSource::detection_counts() const {
-  return AllCounts().by_outcome;
+  return board_ ? board_->by_outcome() : AllCounts().by_outcome;
 }
 
 std::vector<Refusal> EventObservationSource::Refused() const {

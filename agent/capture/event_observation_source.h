@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "agent/capture/event_board_watch.h"
 #include "agent/capture/event_loss_report.h"
 #include "agent/capture/observation_source.h"
 #include "agent/detect/event/blink_wand_detector.h"
@@ -20,10 +21,11 @@
 
 namespace rigcal::agent {
 
-// Observations of a camera that yields events: one for each detection of BlinkWandDetector, empty
-// if the wand is not found. Refused counts faults of the stream (event_unknown_word,
-// event_outside_geometry, event_before_time, event_truncated_bytes) and of the detections
-// (event_trigger_too_dense, event_detection_without_data, event_detection_out_of_order).
+// Observations of a camera that yields events: one for each detection of BlinkWandDetector, or of
+// EventBoardWatch where the target is a board; empty if it is not found. Refused counts faults of
+// the stream (event_unknown_word, event_outside_geometry, event_before_time, event_truncated_bytes)
+// and of the detections (event_trigger_too_dense, event_detection_without_data,
+// event_detection_out_of_order).
 class EventObservationSource : public ObservationSource {
  public:
   EventObservationSource(std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options)
@@ -53,6 +55,7 @@ class EventObservationSource : public ObservationSource {
   const std::unique_ptr<EventSource> events_;
   const BlinkWandDetectorOptions options_;
   Target target_;
+  std::optional<EventBoardWatch> board_;       // of a session whose target is a board
   std::optional<BlinkWandDetector> detector_;  // from the first chunk on, which has the format
   // Of earlier detectors: the clock restarted in between.
   EventFaults past_faults_;

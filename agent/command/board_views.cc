@@ -5,14 +5,16 @@
 #include <cmath>
 #include <filesystem>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "agent/detect/board/board_counts.h"
-#include "agent/detect/board/board_detector.h"
 #include "common/lens/view_choice.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
-#include "common/target/target.h"
 
 namespace rigcal::agent {
 namespace {
@@ -22,6 +24,8 @@ namespace fs = std::filesystem;
 constexpr double kSharpEdgePx = 4.5;    // wide; whatever other views have
 constexpr size_t kKeptPictures = 10;    // to look for other counts in
 constexpr int kMostBarePictures = 200;  // of a source without end
+constexpr int kSpotGrey = 150;          // darker in a picture of events: a spot
+constexpr double kLeastSpotPx = 5;
 
 cv::Mat CopyOf(const ImageView& image) {
   const int type = image.format == PixelFormat::kMono8 ? CV_8UC1 : CV_8UC3;
@@ -73,32 +77,89 @@ absl::Status NoBoard(const Board& board, int looked_at, const std::vector<cv::Ma
                    "the kind of board that --board says?"));
 }
 
+// How wide dark spots of a picture are, median.
+double SpotWidthPx(const cv::Mat& picture) {
+  cv::Mat labels, stats, centroids;
+  const int count =
+      cv::connectedComponentsWithStats(picture < kSpotGrey, labels, stats, centroids, 8, CV_32S);
+  std::vector<double> widths;
+  for (int i = 1; i < count; ++i) {
+    const int area = stats.at<int>(i, cv::CC_STAT_AREA);
+    if (area >= 4) widths.push_back(std::sqrt(area * 4 / 3.14159265));
+  }
+  return widths.empty() ? 0 : UpperMedian(std::move(widths));
+}
+
+absl::Status NoBoardInEvents(const Board& board, const EventBoardCounts& counts,
+                             const std::vector<cv::Mat>& pictures) {
+  const std::string flicker =
+      counts.flicker_hz > 0
+          ? absl::StrFormat(" Something flickers at %.1f Hz: a lamp?", counts.flicker_hz)
+          : "";
+  if (counts.events == 0) return absl::FailedPreconditionError("there were no events");
+  const std::string how =
+      "open the page /pattern of rigcal-server on a screen, full screen, lower the lights, and "
+      "hold it still before the camera for a second at a time; or move a printed board of circles "
+      "without a rest";
+  if (counts.pictures == 0 && counts.too_quick > counts.bursts) {
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "no %s board: what changes does so %s, as a lamp does, and not a screen; %s",
+        CountsOf(board),
+        counts.flicker_hz > 0 ? absl::StrFormat("at %.1f Hz", counts.flicker_hz)
+                              : std::string("every few milliseconds"),
+        how));
+  }
+  if (counts.pictures == 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("no ", CountsOf(board), " board: nothing blinks and next to nothing moves in ",
+                     counts.events, " events.", flicker, " Now ", how));
+  }
+  const absl::Status none = NoBoard(board, static_cast<int>(counts.pictures), pictures);
+  if (absl::StrContains(none.message(), "say --board")) return none;
+  const std::string head =
+      absl::StrFormat("no %s board in %u pictures of %s", CountsOf(board), counts.pictures,
+                      counts.bursts > 0 && counts.blink_hz > 0
+                          ? absl::StrFormat("what blinks at %.2f Hz", counts.blink_hz)
+                          : std::string("what moves"));
+  std::vector<double> widths;
+  for (const cv::Mat& picture : pictures) widths.push_back(SpotWidthPx(picture));
+  const double width_px = widths.empty() ? 0 : UpperMedian(std::move(widths));
+  if (counts.bursts > 0 && width_px > 0 && width_px < kLeastSpotPx) {
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "%s: its spots are %.0f px wide. Go nearer, or take a larger screen: a circle should be at "
+        "least %.0f px wide in the image",
+        head, width_px, kLeastSpotPx));
+  }
+  return absl::FailedPreconditionError(absl::StrCat(
+      head,
+      ": are the counts those of --board, is all of it in the image, and is it not a mirror "
+      "image?",
+      flicker, " If there is no such board yet, ", how));
+}
+
 }  // namespace
 
 absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardViewsOptions& options,
-                                             FrameSource* frames,
+                                             BoardPictures* pictures,
                                              const std::function<void(const BoardViews&)>& taken) {
   BoardViews result;
-  result.image_size_px = frames->description().image_size_px;
-  result.camera = frames->description().camera;
+  result.image_size_px = pictures->description().image_size_px;
+  result.camera = pictures->description().camera;
   ViewChoice choice(result.image_size_px, {.sharp = kSharpEdgePx});
   const auto points = board.Points();
   std::vector<cv::Mat> bare;
-  // What a simulated camera shows; others ignore it.
-  Target target;
-  target.kind = TargetKind::kRigid;
-  target.board = FormatBoard(board);
-  RIGCAL_RETURN_IF_ERROR(frames->Start(target));
+  int moving = 0;  // views that a motion has blurred
+  RIGCAL_RETURN_IF_ERROR(pictures->Start());
   while (options.views == 0 || static_cast<int>(result.views.size()) < options.views) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames->Next());
-    if (!frame) break;
+    RIGCAL_ASSIGN_OR_RETURN(const BoardPicture* const picture, pictures->Next());
+    if (picture == nullptr) break;
     ++result.pictures;
-    RIGCAL_ASSIGN_OR_RETURN(const std::optional<SeenBoard> seen, FindBoard(board, frame->image));
+    const std::optional<SeenBoard>& seen = picture->seen;
     if (!seen) {
       if (result.with_board == 0 && bare.size() < kKeptPictures) {
-        bare.push_back(CopyOf(frame->image));
+        bare.push_back(CopyOf(picture->image));
         // Nobody waits for the rest of a thousand pictures to be told.
-        if (bare.size() == kKeptPictures) {
+        if (bare.size() == kKeptPictures && !pictures->event_counts()) {
           RIGCAL_RETURN_IF_ERROR(CheckCounts(board, result.pictures, bare));
         }
       }
@@ -109,23 +170,30 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
     ++result.with_board;
     bare.clear();
     BoardView view;
-    view.name = frame->file.empty() ? absl::StrCat("picture ", result.pictures)
-                                    : fs::path(frame->file).filename().string();
+    view.name = picture->file.empty() ? absl::StrCat("picture ", result.pictures)
+                                      : fs::path(picture->file).filename().string();
     for (size_t i = 0; i < points.size(); ++i) {
       if (!seen->Sees(i)) continue;
       view.corners.push_back({points[i], seen->pixels[i], 0.5 * board.CircleDiameter()});
     }
     if (options.only_different) {
+      if (picture->is_blurred) {
+        ++moving;
+        result.blurred = choice.blurred() + moving;
+        continue;
+      }
       const ViewChoice::Verdict verdict = choice.Offer(view, seen->edge_width_px);
       result.alike = choice.alike();
-      result.blurred = choice.blurred();
+      result.blurred = choice.blurred() + moving;
       if (verdict != ViewChoice::Verdict::kTaken) continue;
     }
     result.views.push_back(std::move(view));
     taken(result);
   }
-  frames->Stop();
-  result.refused = frames->Refused();
+  pictures->Stop();
+  result.refused = pictures->Refused();
+  result.events = pictures->event_counts();
+  if (result.with_board == 0 && result.events) return NoBoardInEvents(board, *result.events, bare);
   if (result.pictures == 0) return absl::FailedPreconditionError("there were no pictures");
   if (result.with_board == 0) return NoBoard(board, result.pictures, bare);
   return result;

@@ -2,11 +2,12 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "agent/capture/frame_source.h"
+#include "agent/command/board_pictures.h"
 #include "common/board/board.h"
 #include "common/lens/board_view.h"
 #include "common/status/refusal.h"
@@ -31,14 +32,16 @@ struct BoardViews {
   // Files that are no picture of this camera: unreadable, or of another size than the first one.
   std::vector<Refusal> refused;
   std::vector<BoardView> views;
+  std::optional<EventBoardCounts> events;  // of an event camera
 };
 
-// Searches the pictures of a source for the board until there are enough views, or no more
-// pictures, or 200 pictures of a source without end have shown none. `taken` is called after each
-// view. FAILED_PRECONDITION: there were no pictures, or none shows the board; where boards with
-// other counts are found instead, they are named. Other errors are those of the source.
+// Takes views of the board from pictures until there are enough, or no more pictures, or 200
+// pictures of a source without end have shown none. `taken` is called after each view.
+// FAILED_PRECONDITION: there were no pictures, or none shows the board; where boards with other
+// counts are found instead, they are named; of events, what they show instead. Other errors are
+// those of the source.
 absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardViewsOptions& options,
-                                             FrameSource* frames,
+                                             BoardPictures* pictures,
                                              const std::function<void(const BoardViews&)>& taken);
 
 }  // namespace rigcal::agent

@@ -19,6 +19,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+bool IsEventFileName(const std::string& name) {
+  const std::string ending = absl::AsciiStrToLower(fs::path(name).extension().string());
+  return ending == ".raw" || ending == ".h5" || ending == ".hdf5" || ending == ".csv";
+}
+
 // A path that has no calibration beside it needs none for detecting.
 std::string SpecOfPath(const FrameInput& input) {
   const fs::path path(input.input);
@@ -32,7 +37,10 @@ std::string SpecOfPath(const FrameInput& input) {
   }
   if (camera.empty()) camera = "camera";
   const bool has_calibration = fs::exists(name.replace_extension(".yaml"), error);
-  return absl::StrCat(camera.substr(0, 64), is_images ? "=images:" : "=video:", input.input,
+  const char* const kind = is_images                      ? "=images:"
+                           : IsEventFileName(input.input) ? "=raw:"
+                                                          : "=video:";
+  return absl::StrCat(camera.substr(0, 64), kind, input.input,
                       has_calibration || !input.calibration.empty() ? "" : ";calibration=none");
 }
 
@@ -75,7 +83,7 @@ void AddFrameInput(CLI::App& command, FrameInput* input) {
                      "OPTION=VALUE of the source or the detector, as in a SPEC; repeatable");
 }
 
-absl::StatusOr<std::unique_ptr<FrameSourceSpec>> ResolveFrameInput(const FrameInput& input) {
+absl::StatusOr<std::unique_ptr<SourceSpec>> ResolveInput(const FrameInput& input) {
   if (input.input.empty() == input.config.empty()) {
     return absl::InvalidArgumentError(
         "name the frames: a file, a folder or a SPEC, or --config FILE --camera NAME");
@@ -84,12 +92,7 @@ absl::StatusOr<std::unique_ptr<FrameSourceSpec>> ResolveFrameInput(const FrameIn
   if (!input.calibration.empty()) texts.push_back("calibration=" + input.calibration);
   if (!input.fps.empty()) texts.push_back("fps=" + input.fps);
   RIGCAL_ASSIGN_OR_RETURN(std::vector<OptionText> typed, SplitOptions(texts));
-  if (!input.config.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<SourceSpec> spec, FromConfig(input, typed));
-    const std::string camera = spec->camera();
-    return AsFrames(std::move(spec),
-                    absl::StrCat("camera ", camera, " of ", input.config, " yields no frames"));
-  }
+  if (!input.config.empty()) return FromConfig(input, typed);
   const bool is_path = !IsSourceText(input.input);
   if (std::error_code error; is_path && !fs::exists(input.input, error)) {
     return absl::NotFoundError(absl::StrCat("there is no file or folder ", input.input));
@@ -98,11 +101,16 @@ absl::StatusOr<std::unique_ptr<FrameSourceSpec>> ResolveFrameInput(const FrameIn
   if (is_path && std::ranges::find(typed, "speed", &OptionText::key) == typed.end()) {
     typed.push_back({.key = "speed", .value = "max"});
   }
-  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<SourceSpec> spec,
-                          ParseSourceSpec(is_path ? SpecOfPath(input) : input.input, typed));
-  return AsFrames(std::move(spec), absl::StrCat(input.input,
-                                                " yields no frames; a simulated camera does with "
-                                                ";pixels=1"));
+  return ParseSourceSpec(is_path ? SpecOfPath(input) : input.input, typed);
+}
+
+absl::StatusOr<std::unique_ptr<FrameSourceSpec>> ResolveFrameInput(const FrameInput& input) {
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<SourceSpec> spec, ResolveInput(input));
+  const std::string otherwise =
+      input.config.empty()
+          ? absl::StrCat(input.input, " yields no frames; a simulated camera does with ;pixels=1")
+          : absl::StrCat("camera ", spec->camera(), " of ", input.config, " yields no frames");
+  return AsFrames(std::move(spec), otherwise);
 }
 
 }  // namespace rigcal::agent

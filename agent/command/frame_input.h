@@ -13,7 +13,7 @@ namespace rigcal::agent {
 
 // The frames a subcommand works on, as typed.
 struct FrameInput {
-  std::string input = {};  // an image, a folder, a video, or a SPEC as for --source
+  std::string input = {};  // an image, a folder, a video, events, or a SPEC as for --source
   std::string config = {};
   std::string camera = {};
   std::string calibration = {};
@@ -23,9 +23,11 @@ struct FrameInput {
 
 void AddFrameInput(CLI::App& command, FrameInput* input);
 
-// The source of these frames, without a pace unless one is given. A path without a calibration
-// beside it is taken for a camera without one. INVALID_ARGUMENT: what was typed or the
-// configuration is wrong, or it is no source of frames.
+// What was typed, of any kind of source, without a pace unless one is given. A path is one of
+// frames, or by its ending one of events; without a calibration beside it it is taken for a camera
+// without one. INVALID_ARGUMENT: what was typed or the configuration is wrong.
+absl::StatusOr<std::unique_ptr<SourceSpec>> ResolveInput(const FrameInput& input);
+// The same; INVALID_ARGUMENT also: it is no source of frames.
 absl::StatusOr<std::unique_ptr<FrameSourceSpec>> ResolveFrameInput(const FrameInput& input);
 
 }  // namespace rigcal::agent

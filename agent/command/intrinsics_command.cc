@@ -2,10 +2,13 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "agent/capture/event_source_spec.h"
 #include "agent/capture/image_file.h"
+#include "agent/command/board_pictures.h"
 #include "agent/command/board_views.h"
 #include "agent/command/corner_file.h"
 #include "agent/command/frame_input.h"
@@ -56,6 +59,22 @@ FrameInput WithoutLens(FrameInput input) {
   return input;
 }
 
+absl::StatusOr<std::unique_ptr<BoardPictures>> PicturesOf(const Board& board,
+                                                          const FrameInput& input) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<SourceSpec> spec, ResolveInput(WithoutLens(input)));
+  if (const auto* const frames = dynamic_cast<const FrameSourceSpec*>(spec.get())) {
+    RIGCAL_ASSIGN_OR_RETURN(auto source, frames->Make());
+    return PicturesOfFrames(board, std::move(source));
+  }
+  if (const auto* const events = dynamic_cast<const EventSourceSpec*>(spec.get())) {
+    RIGCAL_ASSIGN_OR_RETURN(auto source, events->Make());
+    return PicturesOfEvents(board, std::move(source));
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("camera ", spec->camera(),
+                   " yields neither frames nor events; a simulated camera does with ;pixels=1"));
+}
+
 absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Board board, ParseBoard(flags.board));
   LensOptions options;
@@ -76,15 +95,15 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
   if (!flags.corners.empty()) {
     RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.corners, flags.force));
   }
-  RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(WithoutLens(flags.input)));
-  RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec->Make());
+  RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<BoardPictures> pictures,
+                          PicturesOf(board, flags.input));
   const auto tell = [&](const BoardViews& so_far) {
     // Who waves a board wants to know when a view was taken.
     if (!is_table || is_pictures) return;
     out << absl::StrCat("view ", so_far.views.size(), " of ", collecting.views, "\n") << std::flush;
   };
   RIGCAL_ASSIGN_OR_RETURN(const BoardViews views,
-                          CollectBoardViews(board, collecting, frames.get(), tell));
+                          CollectBoardViews(board, collecting, pictures.get(), tell));
   if (!flags.corners.empty()) {
     RIGCAL_RETURN_IF_ERROR(WriteOutputFile(flags.corners, CornersText(board, views)));
   }
@@ -102,9 +121,9 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
 }  // namespace
 
 void AddIntrinsicsCommand(CLI::App& app, Subcommands* all) {
-  const auto [command, flags] =
-      all->Add(app, "intrinsics", "Calibrates the lens of one camera from pictures of a flat board",
-               &CalibrateLens);
+  const auto [command, flags] = all->Add(
+      app, "intrinsics",
+      "Calibrates the lens of one camera from pictures or events of a flat board", &CalibrateLens);
   AddFrameInput(command, &flags.input);
   command
       .add_option("--board", flags.board,
@@ -132,6 +151,8 @@ void AddIntrinsicsCommand(CLI::App& app, Subcommands* all) {
       "  rigcal-agent intrinsics aravis:192.168.1.5 --board board:checker,9x6,0.025 --output "
       "left.yaml\n"
       "  rigcal-agent intrinsics pictures --board board:checker,9x6,0.025 --output left.yaml\n"
+      "  rigcal-agent intrinsics events.raw --board board:circles,4x11,0.02,0.012 --output "
+      "event.yaml\n"
       "Exit codes: 0 ok, 1 failed (the message says what to do), 2 usage.");
 }
 

@@ -15,6 +15,21 @@ nlohmann::ordered_json Finite(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
 }
 
+std::string EventLine(const EventBoardCounts& counts) {
+  std::string text = absl::StrFormat("events        %u", counts.events);
+  if (counts.blink_hz > 0) {
+    absl::StrAppendFormat(&text, "; the board blinks at %.2f Hz, shown and hidden",
+                          counts.blink_hz);
+  } else {
+    absl::StrAppend(&text, "; nothing blinks, so of what moves");
+  }
+  if (counts.flicker_hz > 0) {
+    absl::StrAppendFormat(&text, "; backlight, refresh or a lamp flickers at %.1f Hz",
+                          counts.flicker_hz);
+  }
+  return text + "\n";
+}
+
 }  // namespace
 
 std::string FormatLensReport(const Board& board, const BoardViews& views,
@@ -35,6 +50,7 @@ std::string FormatLensReport(const Board& board, const BoardViews& views,
     absl::StrAppendFormat(&text, "not read      %d: %s%s\n", refusal.count, refusal.example,
                           refusal.count > 1 ? ", and others like it" : "");
   }
+  if (views.events) text += EventLine(*views.events);
   absl::StrAppendFormat(&text, "model         %s (%s); held-out error of each, px:",
                         std::string(LensModelName(solution.model)),
                         std::string(DistortionModelName(lens.model)));
@@ -109,6 +125,12 @@ std::string LensReportJson(const Board& board, const BoardViews& views,
                {"not_read", Json::array()},
                {"advice", solution.advice},
                {"file", output}};
+  if (views.events) {
+    json["events"] = {{"count", views.events->events},
+                      {"bursts", views.events->bursts},
+                      {"blink_hz", views.events->blink_hz},
+                      {"flicker_hz", views.events->flicker_hz}};
+  }
   for (const double sigma : solution.sigmas) json["sigmas"].push_back(Finite(sigma));
   for (const LensCandidate& candidate : solution.candidates) {
     json["candidates"].push_back({{"model", std::string(LensModelName(candidate.model))},

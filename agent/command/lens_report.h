@@ -18,7 +18,8 @@ std::string FormatLensReport(const Board& board, const BoardViews& views,
 // candidates[{model, rms_px, held_out_rms_px}], halves{median_px, p95_px, most_px, unknown_share}
 // or null, board_bend{height_m, sigma_m} (along rows and columns) or null, covered_share,
 // blind_share, view_results[{name, corners, left_out_corners, rms_px, tilt_deg, left_out}],
-// not_read[{reason, count, example}], advice[text], file.
+// not_read[{reason, count, example}], advice[text], file; of an event camera events{count, bursts,
+// blink_hz, flicker_hz} (0: not seen).
 std::string LensReportJson(const Board& board, const BoardViews& views,
                            const LensSolution& solution, const std::string& output);
 

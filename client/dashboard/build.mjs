@@ -14,20 +14,24 @@ const limitBytes = 350_000;
 rmSync(out, { recursive: true, force: true });
 mkdirSync(out, { recursive: true });
 const result = await build({
-  absWorkingDir: here, entryPoints: { page: 'src/main.tsx' }, outdir: join(out, 'assets'), bundle: true,
+  absWorkingDir: here, entryPoints: { page: 'src/main.tsx', pattern: 'src/pattern/pattern_page.ts' }, outdir: join(out, 'assets'), bundle: true,
   format: 'esm', splitting: true, minify: true, target: 'es2022', jsx: 'automatic', jsxImportSource: 'preact',
   entryNames: '[name]-[hash]', chunkNames: '[name]-[hash]', metafile: true, legalComments: 'linked',
   define: { 'process.env.NODE_ENV': '"production"' }, logLevel: 'warning',
 });
-const entry = Object.entries(result.metafile.outputs).find(([, output]) => output.entryPoint === 'src/main.tsx');
-if (!entry) throw new Error('esbuild made no page');
 // Absolute, as the server shows the page at /login, too.
 const address = (path) => '/' + relative(out, join(here, path)).replaceAll('\\', '/');
-const page = readFileSync(join(here, 'static/index.html'), 'utf8')
-  .replace('%SCRIPT%', address(entry[0])).replace('%STYLE%', address(entry[1].cssBundle));
-writeFileSync(join(out, 'index.html'), page);
+// Each page of static/ names the script and the style of its own source.
+const pages = { 'index.html': ['src/main.tsx', '%SCRIPT%', '%STYLE%'],
+  'pattern.html': ['src/pattern/pattern_page.ts', '%PATTERN_SCRIPT%', '%PATTERN_STYLE%'] };
+for (const [name, [source, script, style]] of Object.entries(pages)) {
+  const entry = Object.entries(result.metafile.outputs).find(([, output]) => output.entryPoint === source);
+  if (!entry) throw new Error(`esbuild made nothing of ${source}`);
+  writeFileSync(join(out, name), readFileSync(join(here, 'static', name), 'utf8')
+    .replace(script, address(entry[0])).replace(style, address(entry[1].cssBundle)));
+}
 for (const file of readdirSync(join(here, 'static'))) {
-  if (file !== 'index.html') copyFileSync(join(here, 'static', file), join(out, file));
+  if (!(file in pages)) copyFileSync(join(here, 'static', file), join(out, file));
 }
 
 let total = 0;

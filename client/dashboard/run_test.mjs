@@ -11,7 +11,7 @@ const here = dirname(fileURLToPath(import.meta.url));
 const kind = process.argv[2] ?? 'unit';
 const files = {
   unit: readdirSync(join(here, 'test')).filter((name) => name.endsWith('_test.ts')).map((name) => `test/${name}`),
-  browser: ['test/browser_finish.ts', 'test/browser_lens.ts', 'test/browser_sessions.ts', 'test/browser_page.ts'], real: ['test/real.ts'], finish: ['test/finish.ts'], heap: ['test/heap.ts'], shots: ['test/shots.ts'], usable: ['test/usable.ts'], mock: ['test/mock_main.ts'],
+  browser: ['test/browser_finish.ts', 'test/browser_lens.ts', 'test/browser_sessions.ts', 'test/browser_page.ts', 'test/browser_pattern.ts'], real: ['test/real.ts'], finish: ['test/finish.ts'], heap: ['test/heap.ts'], shots: ['test/shots.ts'], usable: ['test/usable.ts'], mock: ['test/mock_main.ts'],
 }[kind];
 if (!files) throw new Error(`run_test: unit, browser, real, finish, heap, usable, shots or mock, not "${kind}"`);
 const env = { ...process.env };

@@ -122,6 +122,9 @@ std::vector<HttpRoute> AssetRoutes(absl::Span<const WebAsset> assets) {
   const std::shared_ptr<const Pages> pages = MakePages(assets);
   std::vector<HttpRoute> routes = {RouteOf(pages, "/", "index.html"),
                                    RouteOf(pages, "/login", "index.html")};
+  if (pages->contains("pattern.html")) {
+    routes.push_back(RouteOf(pages, "/pattern", "pattern.html"));
+  }
   for (const auto& [name, page] : *pages) routes.push_back(RouteOf(pages, "/" + name, name));
   return routes;
 }

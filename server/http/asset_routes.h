@@ -18,8 +18,9 @@ struct WebAsset {
 // The files that this server was built with; empty: without the dashboard.
 absl::Span<const WebAsset> BuiltInAssets();
 
-// Serves them: index.html at "/" and "/login", the others under their names. What has a hash in its
-// address is kept by browsers for good: all in assets/, where the bundler names files so, and
+// Serves them: index.html at "/" and "/login", pattern.html at "/pattern", the others under their
+// names. What has a hash in its address is kept by browsers for good: all in assets/, where the
+// bundler names files so, and
 // "/app.js?v=1f2e...", as index.html is made to name others. The rest is asked for again and
 // answered with 304. Without assets "/" is a page that says so.
 std::vector<HttpRoute> AssetRoutes(absl::Span<const WebAsset> assets);

@@ -239,14 +239,19 @@ std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey, BoardSear
     if (static_cast<double>(count) < kLeastCornersShare * board.point_count()) return std::nullopt;
     return seen;
   }
+  // Dark circles on white, as printed; else white ones on dark, as on a screen.
   std::vector<cv::Point2f> found;
-  if (!FindCircles(board, grey, cv::Size(board.columns, board.rows), &found) ||
-      found.size() != static_cast<size_t>(board.point_count())) {
-    return std::nullopt;
+  const cv::Size size(board.columns, board.rows);
+  cv::Mat dark = grey;
+  if (!FindCircles(board, dark, size, &found)) {
+    if (time == BoardSearch::kQuick) return std::nullopt;
+    cv::bitwise_not(grey, dark);
+    if (!FindCircles(board, dark, size, &found)) return std::nullopt;
   }
+  if (found.size() != static_cast<size_t>(board.point_count())) return std::nullopt;
   for (const cv::Point2f& point : found) seen.pixels.emplace_back(point.x, point.y);
-  OrderBoard(board, grey, &seen.pixels);
-  RefineCircles(board, grey, &seen.pixels);
+  OrderBoard(board, dark, &seen.pixels);
+  RefineCircles(board, dark, &seen.pixels);
   if (!AllFinite(seen.pixels)) return std::nullopt;
   return seen;
 }

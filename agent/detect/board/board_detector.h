@@ -30,12 +30,14 @@ struct SeenBoard {
 
 // Searches a picture for the board with OpenCV, a board with markers for those of its points that
 // it shows, any other for the whole: checkers by findChessboardCornersSB (Duda and Frese 2018) and
-// FitCorner, circles by findCirclesGrid and the centroid of their darkness. Circles: the centroid
+// FitCorner, circles by findCirclesGrid and the centroid of their darkness, or of their brightness
+// where they are white on dark. The centroid
 // of an ellipse is not the image of the centre; nothing corrects for that here. None: it does not
 // show the board, or not all of it. INTERNAL: OpenCV failed.
 enum class BoardSearch : uint8_t {
-  kQuick = 1,  // a checker in a large image at half the resolution: 0.1 s for 1.3 megapixels
-  kThorough,   // also in full: 0.5 s more where it is not there
+  // A checker in a large image at half the resolution: 0.1 s for 1.3 megapixels; circles only dark.
+  kQuick = 1,
+  kThorough,  // a checker also in full: 0.5 s more where it is not there; circles also white
 };
 absl::StatusOr<std::optional<SeenBoard>> FindBoard(const Board& board, const ImageView& image,
                                                    BoardSearch time = BoardSearch::kThorough);

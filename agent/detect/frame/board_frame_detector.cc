@@ -1,22 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/detect/frame/board_frame_detector.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "agent/detect/board/board_counts.h"
+#include "agent/detect/board/circle_projection.h"
 #include "agent/detect/frame/image_exposure.h"
 #include "agent/identify/wand_finder.h"
-#include "common/camera/camera_model.h"
-#include "common/lens/circle_image.h"
-#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -29,7 +25,6 @@ constexpr int kImagesPerFullSearch = 4;
 // One sigma of a circle that noise does not explain: it is round in the image only from the front.
 constexpr double kCircleFloorPx = 0.02;
 constexpr uint8_t kIgnoredGrey = 128;
-constexpr size_t kLeastPosePoints = 6;
 // Pictures in which other counts are looked for, if the board was never seen, and how many images
 // are between them.
 constexpr size_t kPicturesOfOther = 4;
@@ -54,35 +49,6 @@ PixelRect BoxOf(const std::vector<Eigen::Vector2d>& pixels, const PixelRect& bou
 ImageView PartOf(const ImageView& image, const PixelRect& part) {
   return {image.Row(part.y) + part.x * BytesPerPixel(image.format), part.width, part.height,
           image.stride_bytes, image.format};
-}
-
-// One sigma of a point along an axis, by the third differences along rows and columns, which are
-// small for a plane in perspective: their variance is 20 times that of a point (1 + 9 + 9 + 1).
-double PointSigma(const Board& board, const std::vector<Eigen::Vector2d>& pixels) {
-  std::vector<double> differences;
-  const auto at = [&](int column, int row) -> const Eigen::Vector2d& {
-    return pixels[static_cast<size_t>(row * board.columns + column)];
-  };
-  const auto add = [&](const Eigen::Vector2d& third) {
-    differences.push_back(std::abs(third.x()));
-    differences.push_back(std::abs(third.y()));
-  };
-  // Every second row of circles is shifted: columns are no lines.
-  const int row_step = board.kind == BoardKind::kCircles ? 2 : 1;
-  for (int row = 0; row < board.rows; ++row) {
-    for (int column = 0; column < board.columns; ++column) {
-      if (column + 3 < board.columns) {
-        add(at(column + 3, row) - 3 * at(column + 2, row) + 3 * at(column + 1, row) -
-            at(column, row));
-      }
-      if (row + 3 * row_step < board.rows) {
-        add(at(column, row + 3 * row_step) - 3 * at(column, row + 2 * row_step) +
-            3 * at(column, row + row_step) - at(column, row));
-      }
-    }
-  }
-  if (differences.empty()) return 0;
-  return kSigmaOverMad * UpperMedian(std::move(differences)) / std::sqrt(20.0);
 }
 
 // Of a grey image, it is the image itself.
@@ -174,38 +140,6 @@ ImageView BoardFrameDetector::WithoutIgnored(const ImageView& image) {
           image.format};
 }
 
-void BoardFrameDetector::CorrectCircles(std::vector<Eigen::Vector2d>* pixels) const {
-  if (!board_.HasCircles() || !camera_.intrinsics) return;
-  const std::vector<Eigen::Vector3d> points = board_.Points();
-  std::vector<cv::Point3d> in_board;
-  std::vector<cv::Point2d> rays;
-  for (size_t i = 0; i < points.size(); ++i) {
-    const auto ray = Undistort(*camera_.intrinsics, (*pixels)[i]);
-    if (!ray.ok()) continue;
-    in_board.emplace_back(points[i].x(), points[i].y(), points[i].z());
-    rays.emplace_back(ray->x(), ray->y());
-  }
-  cv::Mat1d turn, shift;
-  if (in_board.size() < kLeastPosePoints ||
-      !cv::solvePnP(in_board, rays, cv::Matx33d::eye(), cv::noArray(), turn, shift, false,
-                    cv::SOLVEPNP_IPPE)) {
-    return;
-  }
-  const Eigen::Vector3d axis(turn(0), turn(1), turn(2));
-  RigidTransform cam_from_board;
-  if (axis.norm() > 0) {
-    cam_from_board.rotation = Eigen::AngleAxisd(axis.norm(), axis.normalized());
-  }
-  cam_from_board.translation_m = {shift(0), shift(1), shift(2)};
-  for (size_t i = 0; i < points.size(); ++i) {
-    Eigen::Vector2d offset_px;
-    if (CircleOffset(*camera_.intrinsics, cam_from_board, points[i], 0.5 * board_.CircleDiameter(),
-                     &offset_px)) {
-      (*pixels)[i] -= offset_px;
-    }
-  }
-}
-
 void BoardFrameDetector::LookForOther(const ImageView& image) {
   if (was_seen_ || other_.size() >= kPicturesOfOther || missed_ % kImagesBetween != 1) return;
   other_.push_back(GreyOf(image).clone());
@@ -262,7 +196,7 @@ absl::StatusOr<Detection> BoardFrameDetector::Detect(const ImageView& image, int
   epoch_ = clock_epoch;
   detection.outcome = DetectionOutcome::kWand;
   detection.confidence = 1;
-  CorrectCircles(&seen->pixels);
+  if (camera_.intrinsics) CorrectCircles(board_, *camera_.intrinsics, &seen->pixels);
   const bool has_corners = !seen->sigmas_px.empty();
   const double circle_px =
       has_corners ? 0 : std::hypot(kCircleFloorPx, PointSigma(board_, seen->pixels));

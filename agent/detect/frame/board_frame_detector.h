@@ -43,8 +43,6 @@ class BoardFrameDetector : public FrameDetector {
   // Of boards that were never seen: whether there is one with other counts.
   void LookForOther(const ImageView& image);
   ImageView WithoutIgnored(const ImageView& image);
-  // Moves the images of circles to those of their centres, where the lens is known.
-  void CorrectCircles(std::vector<Eigen::Vector2d>* pixels) const;
 
   Target target_;
   CameraDescription camera_;

@@ -177,7 +177,7 @@ export class MockServer {
   }
 
   private file(path: string, request: IncomingMessage, response: ServerResponse): void {
-    const wanted = normalize(path === '/' || path === '/login' ? '/index.html' : path);
+    const wanted = normalize(path === '/' || path === '/login' ? '/index.html' : path === '/pattern' ? '/pattern.html' : path);
     const name = join(this.options.dist, wanted);
     if (!existsSync(name)) {
       response.writeHead(404);

@@ -21,6 +21,7 @@
 #include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/detection/board_rates.h"
 #include "tests/accuracy/detection/detection_experiments.h"
+#include "tests/accuracy/detection/event_boards.h"
 #include "tests/accuracy/seed_options.h"
 #include "tests/accuracy/seed_runs.h"
 #include "tests/accuracy/solver/line_delays_experiment.h"
@@ -277,6 +278,11 @@ int RunBoards(const SeedOptions& seeds) {
   if (is_wanted("rates")) PrintBoardRates(seeds);
   if (is_wanted("lenses")) PrintLenses(seeds);
   if (is_wanted("rig")) PrintRig(seeds);
+  // Minutes for each case, so only where it is asked for: "events", "events OLED".
+  if (seeds.only.starts_with("events")) {
+    const std::string rest = seeds.only.substr(6);
+    PrintEventBoards(seeds, rest.empty() ? rest : rest.substr(1));
+  }
   return 0;
 }
 

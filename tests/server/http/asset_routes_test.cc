@@ -57,6 +57,16 @@ TEST_F(AssetRoutes, ThePageNamesItsFilesByTheirHashes) {
   EXPECT_EQ(script.content_type, "text/javascript; charset=utf-8");
 }
 
+TEST_F(AssetRoutes, TheBlinkingBoardIsAPageOfItsOwn) {
+  const std::string pattern = server::Gzipped("<canvas></canvas>", 9);
+  std::vector<WebAsset> assets = assets_;
+  EXPECT_EQ(Get(server::AssetRoutes(assets), "/pattern").status, 404u);
+  assets.push_back({"pattern.html", pattern});
+  const HttpResponse page = Get(server::AssetRoutes(assets), "/pattern");
+  EXPECT_EQ(page.body, "<canvas></canvas>");
+  EXPECT_EQ(page.content_type, "text/html; charset=utf-8");
+}
+
 TEST_F(AssetRoutes, OtherAddressesOfAFileAreAskedForAgain) {
   const std::vector<HttpRoute> routes = server::AssetRoutes(assets_);
   EXPECT_EQ(Get(routes, "/app.js").cache_control, "no-cache");

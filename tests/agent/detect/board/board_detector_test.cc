@@ -137,6 +137,24 @@ TEST(BoardDetector, FindsCirclesOfBothKinds) {
   }
 }
 
+// As a screen shows them to a frame camera.
+TEST(BoardDetector, CirclesMayBeWhiteOnDark) {
+  const BoardRenderer renderer(KnownPinhole(), kKnownImage);
+  const Board board = *ParseBoard("board:circles,4x11,0.02");
+  const auto pose =
+      BoardAt(board, KnownPinhole(), Eigen::Vector2d(310, 235), 0.5, {0.3, 0.2, -0.2});
+  const cv::Mat dark = renderer.Render(board, pose, kLensBlurPx, 0);
+  cv::Mat white;
+  cv::bitwise_not(dark, white);
+  const auto as_printed = FindBoard(board, MonoView(dark));
+  const auto as_shown = FindBoard(board, MonoView(white));
+  ASSERT_TRUE(as_printed.ok() && as_printed->has_value());
+  ASSERT_TRUE(as_shown.ok() && as_shown->has_value());
+  for (size_t i = 0; i < 44; ++i) {
+    EXPECT_LT(((*as_printed)->pixels[i] - (*as_shown)->pixels[i]).norm(), 0.01);
+  }
+}
+
 // Where y points up.
 RigidTransform UpsideDown(RigidTransform pose, const Board& board) {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();

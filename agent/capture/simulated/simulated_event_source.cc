@@ -6,12 +6,15 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/board/board.h"
+#include "common/simulation/frames/held_board.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr int64_t kSliceUs = 2 * EventRenderer::kCellUs;
 constexpr uint32_t kWidthPx = 1280, kHeightPx = 720;
+constexpr double kPlaceS = 1, kRestShare = 0.6;  // of a board that is held, at each place
 
 // Of the frame camera that could stand there.
 Intrinsics EventLens(const Intrinsics& lens, const ImageSize& size) {
@@ -30,6 +33,8 @@ void AddOptions(SimulatedEventSourceOptions* options, OptionTable* table) {
   AddOptions(static_cast<SimulatedCameraOptions*>(options), table);
   AddOptions(&options->scene, table);
   AddOptions(&options->rendering, table);
+  table->Add("near", &options->held_before,
+             "of a board of circles: it blinks on a screen right before this camera, for its lens");
   table->Add("clock", &options->clock_id, "NAME", "shared by sensors on one sync cable");
 }
 
@@ -56,6 +61,11 @@ absl::StatusOr<std::unique_ptr<SimulatedEventSource>> SimulatedEventSource::Crea
 
 absl::Status SimulatedEventSource::Start(const Target& target) {
   renderer_.reset();
+  board_.reset();
+  writer_ = {};
+  byte_offset_ = 0;
+  next_sample_ = 0;
+  if (!target.board.empty()) return StartBoard(target);
   RIGCAL_RETURN_IF_ERROR(CheckIsLine(target));
   RIGCAL_RETURN_IF_ERROR(StartWorld(target));
   const SimulatedCamera& camera = Camera();
@@ -68,9 +78,33 @@ absl::Status SimulatedEventSource::Start(const Target& target) {
       renderer_,
       EventRenderer::Create(EventLens(camera.true_intrinsics, camera.description.image_size_px),
                             description_.image_size_px, world_->true_target(), scene, rendering));
-  writer_ = {};
-  byte_offset_ = 0;
-  next_sample_ = 0;
+  return absl::OkStatus();
+}
+
+absl::Status SimulatedEventSource::StartBoard(const Target& target) {
+  RIGCAL_ASSIGN_OR_RETURN(const Board board, ParseBoard(target.board));
+  if (!board.HasCircles() || !options_.held_before) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "camera ", options_.camera,
+        ": a simulated event camera shows boards of circles that are held before it (near=1), not ",
+        target.board));
+  }
+  // The world gives the time alone.
+  RIGCAL_ASSIGN_OR_RETURN(const Target any, ParseTarget("point"));
+  RIGCAL_RETURN_IF_ERROR(StartWorld(any));
+  const SimulatedCamera& camera = Camera();
+  const Intrinsics lens = EventLens(camera.true_intrinsics, camera.description.image_size_px);
+  const auto seed = options_.simulation.seed + static_cast<uint32_t>(options_.camera_index);
+  std::vector<RigidTransform> poses;
+  for (double time_s = 0; time_s < options_.simulation.duration_s + 2 * kPlaceS;
+       time_s += kPlaceS) {
+    poses.push_back(HeldBoard(board, lens, description_.image_size_px, time_s, seed));
+  }
+  EventRenderOptions rendering = options_.rendering;
+  rendering.seed = rendering.seed * 1013 + static_cast<uint32_t>(options_.camera_index);
+  board_.emplace(board, lens, description_.image_size_px, EventBoardLight(), rendering,
+                 HandHeld(std::move(poses), kPlaceS, kRestShare));
+  board_us_ = 0;
   return absl::OkStatus();
 }
 
@@ -125,18 +159,23 @@ void SimulatedEventSource::Encode() {
     run_.push_back({stamp_us, event.x, event.y, event.on});
   }
   writer_.Write(run_, &bytes_);
-  write_triggers(renderer_->time_us());
-  writer_.WriteTime(StampUs(renderer_->time_us()), &bytes_);
+  write_triggers(now_us());
+  writer_.WriteTime(StampUs(now_us()), &bytes_);
 }
 
 absl::StatusOr<std::optional<EventChunk>> SimulatedEventSource::Next() {
-  if (!renderer_) return std::nullopt;
-  const int64_t end_us = renderer_->time_us() + kSliceUs;
+  if (!renderer_ && !board_) return std::nullopt;
+  const int64_t end_us = now_us() + kSliceUs;
   if (1e-6 * static_cast<double>(end_us) > world_->options().duration_s) return std::nullopt;
   events_.clear();
   triggers_.clear();
-  RIGCAL_RETURN_IF_ERROR(renderer_->Render(
-      end_us, [this](double time_s) { return WandInCamera(time_s); }, &events_, &triggers_));
+  if (board_) {
+    board_->Render(end_us, &events_);
+    board_us_ = end_us;
+  } else {
+    RIGCAL_RETURN_IF_ERROR(renderer_->Render(
+        end_us, [this](double time_s) { return WandInCamera(time_s); }, &events_, &triggers_));
+  }
   Encode();
   if (!pacer_.Wait(1000 * StampUs(end_us))) return std::nullopt;
   const SimulatedCamera& camera = Camera();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/testing/event_board_scene.h"
+#include "common/simulation/events/event_board_scene.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 #include "common/lens/circle_image.h"
 #include "common/simulation/events/fast_math.h"
 
-namespace rigcal::testing {
+namespace rigcal {
 namespace {
 
 constexpr int kRayStep = 4;  // pixels
@@ -308,4 +308,4 @@ std::vector<Eigen::Vector2d> EventBoardScene::TruthAt(double time_s) const {
   return pixels;
 }
 
-}  // namespace rigcal::testing
+}  // namespace rigcal

@@ -14,6 +14,9 @@
 #   deploy/demo.sh --office       the same in an office: windows, shelves, screens, people, light from
 #                                 above, sensors with a Bayer mosaic
 #   deploy/demo.sh --office dark  with the same cameras and the same wand at night, to compare with
+#   deploy/demo.sh --from-scratch two frame cameras and an event camera without any lens file: each
+#                                 lens from a board that is held before its camera, then the rig from
+#                                 a wand; compared with ground truth
 #   deploy/demo.sh --gige         the same frames over GigE Vision, from fake cameras on loopback
 #   deploy/demo.sh --network [cut | one-way | loss]
 #                                 three PCs, as network namespaces of this machine: two with cameras
@@ -78,6 +81,26 @@ case "${1:-}" in
       office+=";lux=400;overhead_lux=300;windows=1;shelves=1.5;screens=1;lights=1.5;people=0.3"
     fi
     exec "$rigcal" local --simulate "cameras=4;duration=20;pixels=1;$office" --target "$spheres" "$@"
+    ;;
+  --from-scratch)
+    shift
+    folder=$(mktemp -d)
+    trap 'rm -rf "$folder"' EXIT
+    for camera in 0 1 2; do
+      board=board:checker,9x6,0.04
+      source="sim:camera=$camera;cameras=3;near=1;pixels=1;rate=2;duration=20;speed=max"
+      if [ "$camera" = 2 ]; then
+        board=board:circles,4x11,0.0235,0.01828
+        source="sim:camera=2;cameras=3;near=1;events=1;duration=40;speed=max"
+      fi
+      say "" "the lens of sim_$camera, from $board:"
+      "$root/build/release/bin/rigcal-agent" intrinsics "sim_$camera=$source" --board "$board" \
+        --output "$folder/sim_$camera.yaml"
+    done
+    say "" "the rig, from 15 s of waving a wand, with these lenses:"
+    "$rigcal" local --simulate "cameras=3;duration=15;rate=50;pixels=1;events=1;lux=300" \
+      --lenses "$folder" --target "$spheres" "$@"
+    exit
     ;;
   --markers)
     shift

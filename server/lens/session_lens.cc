@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/lens/session_lens.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -95,6 +96,8 @@ absl::StatusOr<SessionViews> ReadSessionViews(const Store& store, const Session&
   };
   RIGCAL_RETURN_IF_ERROR(store.ReadObservations(session.id, camera.description.camera, take));
   seen.views = choice.views();
+  // Streams of an agent that was started again come in any order.
+  std::ranges::stable_sort(seen.views, {}, &BoardView::time_ns);
   seen.alike = choice.alike();
   seen.blurred = choice.blurred();
   return seen;

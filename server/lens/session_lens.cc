@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/lens/session_lens.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -75,19 +77,17 @@ absl::StatusOr<SessionViews> ReadSessionViews(const Store& store, const Session&
   ViewChoice choice(camera.description.image_size_px,
                     {.sharp = kSharpSigmaPx, .most = kMostLensViews});
   SessionViews seen;
-  std::optional<int64_t> first_ns;
+  int64_t first_ns = std::numeric_limits<int64_t>::max();
   const auto take = [&](StoredBatch stored) -> absl::Status {
     if (stored.damaged_rows > 0 || stored.late) return absl::OkStatus();
     for (const ObservationBatch& batch : AcceptedRows(std::move(stored))) {
       seen.observation_count += batch.rows();
       for (size_t row = 0; row < batch.rows(); ++row) {
+        first_ns = std::min(first_ns, batch.time_ns[row]);
         BoardView view = ViewOf(batch, row, session.target, radius_m);
         if (view.corners.size() < kLeastCorners) continue;
         ++seen.board_count;
         view.time_ns = batch.time_ns[row];
-        if (!first_ns) first_ns = view.time_ns;
-        view.name =
-            absl::StrFormat("view at %.1f s", 1e-9 * static_cast<double>(view.time_ns - *first_ns));
         choice.Offer(view, BlurOf(batch, row));
       }
     }
@@ -95,6 +95,12 @@ absl::StatusOr<SessionViews> ReadSessionViews(const Store& store, const Session&
   };
   RIGCAL_RETURN_IF_ERROR(store.ReadObservations(session.id, camera.description.camera, take));
   seen.views = choice.views();
+  // Streams of an agent that was started again come in any order.
+  std::ranges::stable_sort(seen.views, {}, &BoardView::time_ns);
+  for (BoardView& view : seen.views) {
+    view.name =
+        absl::StrFormat("view at %.1f s", 1e-9 * static_cast<double>(view.time_ns - first_ns));
+  }
   seen.alike = choice.alike();
   seen.blurred = choice.blurred();
   return seen;

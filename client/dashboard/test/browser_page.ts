@@ -140,7 +140,7 @@ test('the light theme is as readable, and stays chosen', async () => {
     server.rig.advance(14);
     await page.goto(address);
     await page.getByRole('button', { name: /Light/ }).click();
-    for (const [hash, heading] of [['wave', 'Session'], ['result/c-000001', 'Cameras'], ['rig', 'Agents (3)'], ['records', 'Calibrations']] as const) {
+    for (const [hash, heading] of [['wave', 'Session'], ['result/c-000001', 'Cameras'], ['rig', 'Agents (3)'], ['lens', 'Session'], ['records', 'Calibrations']] as const) {
       await page.goto(`${address}/#/${hash}`);
       await page.getByRole('heading', { name: heading, exact: true }).waitFor();
       await checkPage(page, `light ${hash}`);

@@ -49,6 +49,20 @@ TEST_F(SessionLens, ViewsAreChosenFromWhatIsStored) {
   EXPECT_LT((seen.views[2].corners[5].pixel - waved[2].corners[5].pixel).norm(), 1e-3);
 }
 
+TEST_F(SessionLens, ViewsAreInTheOrderOfTime) {
+  const Session session = Create(OfBoard(CapturingSession({"left"})));
+  const std::vector<BoardView> waved = WavedViews(6);
+  // The agent was started again, and its second stream has the lower number.
+  Append(RowsOfViews(KeyOf("left", 7), 1, {waved.begin(), waved.begin() + 3}));
+  ObservationBatch later = RowsOfViews(KeyOf("left", 2), 1, {waved.begin() + 3, waved.end()});
+  for (int64_t& time_ns : later.time_ns) time_ns += 1'000'000'000;
+  Append(later);
+  ASSERT_OK_AND_ASSIGN(const SessionViews seen,
+                       ReadSessionViews(store(), session, session.cameras[0]));
+  ASSERT_EQ(seen.views.size(), 6u);
+  EXPECT_TRUE(std::ranges::is_sorted(seen.views, {}, &BoardView::time_ns));
+}
+
 TEST_F(SessionLens, CirclesOfACameraWithALensAreCorrectedAlready) {
   Session session = OfBoard(CapturingSession({"left", "right"}), "board:circles,4x11,0.02,0.012");
   session.cameras[1].description.intrinsics = KnownPinhole();

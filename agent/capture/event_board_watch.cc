@@ -17,7 +17,7 @@ namespace {
 // One sigma of a disc along an axis, besides the scatter of all: of a burst's picture, and of what
 // moves, whose rims come late.
 constexpr double kBurstFloorPx = 0.05, kMotionFloorPx = 0.25;
-constexpr double kBurstTimeS = 5e-4;  // one sigma of a disc's time
+constexpr double kBurstTimeS = 2e-3;  // one sigma of a picture's time
 
 }  // namespace
 

@@ -79,7 +79,6 @@ struct EventBoardDetector::Impl {
       now_us = std::max(now_us, time_us);
       bins.Add(time_us, event);
       flicker.Take(time_us, event.on());
-      filter.Take(event);
     }
     counts.events += events.size();
     Advance(bins.last_ms() - kLateMs);
@@ -114,7 +113,10 @@ struct EventBoardDetector::Impl {
     for (; *next_ms <= until_ms; ++*next_ms) {
       const EventBin* const bin = bins.At(*next_ms);
       const auto burst = finder.Take(*next_ms, bin == nullptr ? 0 : bin->net);
-      recent_events += bin == nullptr ? 0 : bin->events.size();
+      if (bin != nullptr) {
+        for (const PackedEvent& event : bin->events) filter.Take(event);
+        recent_events += bin->events.size();
+      }
       if (burst) {
         last_burst_ms = *next_ms;
         flicker.Forget(burst->first_ms * 1000, (burst->last_ms + 1) * 1000);
@@ -163,12 +165,12 @@ struct EventBoardDetector::Impl {
   }
 
   absl::Status LookAtMotion() {
-    const auto now = static_cast<uint32_t>(*next_ms * 1000);
-    cv::Mat1f level = filter.PictureAt(now);
+    const int64_t end_us = (*next_ms + 1) * 1000;
+    cv::Mat1f level = filter.PictureAt(static_cast<uint32_t>(end_us));
     cv::GaussianBlur(level, level, cv::Size(0, 0), 1.0);
     EventBoardPicture picture;
     picture.kind = EventBoardPicture::Kind::kMotion;
-    picture.time_us = 1000.0 * static_cast<double>(*next_ms);
+    picture.time_us = static_cast<double>(end_us);
     // Dark discs on white, as printed; else white ones on dark.
     for (int turn = 0; turn < 2 && !picture.seen; ++turn) {
       const cv::Mat1f values = is_white_on_dark == (turn == 0) ? level : cv::Mat1f(-level);

@@ -15,9 +15,9 @@ namespace rigcal::agent {
 namespace {
 
 // One sigma of a disc along an axis, besides the scatter of all: of a burst's picture, and of what
-// moves, whose rims come late.
-constexpr double kBurstFloorPx = 0.05, kMotionFloorPx = 0.25;
-constexpr double kBurstTimeS = 5e-4;  // one sigma of a disc's time
+// moves, whose discs are all ahead by about so much.
+constexpr double kBurstFloorPx = 0.05, kMotionFloorPx = 1;
+constexpr double kBurstTimeS = 2e-3;  // one sigma of a picture's time
 
 }  // namespace
 

@@ -27,8 +27,7 @@ constexpr double kDiscGrey = 200, kMostGrey = 235;  // below white: of that quan
 // Of what moves the inside of a disc, and what it leaves behind, are uneven; its rim is not.
 constexpr double kOutsideShare = 0.3, kInsideShare = 0.7;
 constexpr int kLateMs = 2;                // events may come in another order
-constexpr double kNeighbourUs = 400'000;  // pictures that tell how a disc moves
-constexpr double kTimedShare = 0.35;      // of the way to the nearest disc: events that time a disc
+constexpr double kNeighbourUs = 400'000;  // pictures that tell how the board moves
 constexpr int64_t kMotionEveryMs = 33;
 constexpr int64_t kStillMs = 700;  // without a burst: it is no screen that blinks
 constexpr uint64_t kMotionEvents = 1500;
@@ -67,20 +66,6 @@ cv::Mat DarkOnWhite(const cv::Mat1f& values, double from, double to) {
   return grey;
 }
 
-double NearestOf(const std::vector<Eigen::Vector2d>& pixels, size_t i) {
-  double nearest = std::numeric_limits<double>::infinity();
-  for (size_t k = 0; k < pixels.size(); ++k) {
-    if (k != i) nearest = std::min(nearest, (pixels[k] - pixels[i]).norm());
-  }
-  return nearest;
-}
-
-// A picture whose discs have times of their own.
-struct TimedPicture {
-  EventBoardPicture picture;
-  std::vector<double> times_us;  // of the discs, by index; empty: there is no board
-};
-
 }  // namespace
 
 struct EventBoardDetector::Impl {
@@ -94,7 +79,6 @@ struct EventBoardDetector::Impl {
       now_us = std::max(now_us, time_us);
       bins.Add(time_us, event);
       flicker.Take(time_us, event.on());
-      filter.Take(event);
     }
     counts.events += events.size();
     Advance(bins.last_ms() - kLateMs);
@@ -129,7 +113,10 @@ struct EventBoardDetector::Impl {
     for (; *next_ms <= until_ms; ++*next_ms) {
       const EventBin* const bin = bins.At(*next_ms);
       const auto burst = finder.Take(*next_ms, bin == nullptr ? 0 : bin->net);
-      recent_events += bin == nullptr ? 0 : bin->events.size();
+      if (bin != nullptr) {
+        for (const PackedEvent& event : bin->events) filter.Take(event);
+        recent_events += bin->events.size();
+      }
       if (burst) {
         last_burst_ms = *next_ms;
         flicker.Forget(burst->first_ms * 1000, (burst->last_ms + 1) * 1000);
@@ -160,44 +147,43 @@ struct EventBoardDetector::Impl {
     return net;
   }
 
+  // The sum of a pixel's changes is what it sees at the end less what it saw at the beginning, and
+  // one of both is dark: the picture is that of one instant, wherever the screen's rows began and
+  // however the discs moved in between.
   absl::Status LookAtBurst(const Burst& burst) {
     cv::Mat1f net = NetOf(burst);
     cv::GaussianBlur(net, net, cv::Size(0, 0), kSmoothPx);
     const float dark = DarkValue(net);
     if (!(dark > 0)) return absl::OkStatus();
-    TimedPicture timed;
-    timed.picture.kind = EventBoardPicture::Kind::kBurst;
-    timed.picture.time_us = 1000 * (burst.time_ms + 0.5);
-    timed.picture.grey = DarkOnWhite(net, 0, dark);
-    RIGCAL_RETURN_IF_ERROR(Search(&timed.picture));
-    if (timed.picture.seen) TimeDiscs(burst, &timed);
-    Emit(&timed);
+    EventBoardPicture picture;
+    picture.kind = EventBoardPicture::Kind::kBurst;
+    picture.time_us = 1e3 * static_cast<double>(burst.on ? burst.last_ms + 1 : burst.first_ms);
+    picture.grey = DarkOnWhite(net, 0, dark);
+    RIGCAL_RETURN_IF_ERROR(Search(&picture));
+    Emit(&picture);
     return absl::OkStatus();
   }
 
   absl::Status LookAtMotion() {
-    const auto now = static_cast<uint32_t>(*next_ms * 1000);
-    cv::Mat1f level = filter.PictureAt(now);
+    const int64_t end_us = (*next_ms + 1) * 1000;
+    cv::Mat1f level = filter.PictureAt(static_cast<uint32_t>(end_us));
     cv::GaussianBlur(level, level, cv::Size(0, 0), 1.0);
-    TimedPicture timed;
-    timed.picture.kind = EventBoardPicture::Kind::kMotion;
-    timed.picture.time_us = 1000.0 * static_cast<double>(*next_ms);
+    EventBoardPicture picture;
+    picture.kind = EventBoardPicture::Kind::kMotion;
+    picture.time_us = static_cast<double>(end_us);
     // Dark discs on white, as printed; else white ones on dark.
-    for (int turn = 0; turn < 2 && !timed.picture.seen; ++turn) {
+    for (int turn = 0; turn < 2 && !picture.seen; ++turn) {
       const cv::Mat1f values = is_white_on_dark == (turn == 0) ? level : cv::Mat1f(-level);
       const float dark = DarkValue(values);
       if (!(dark > 0)) continue;
-      timed.picture.grey = DarkOnWhite(values, kOutsideShare * dark, kInsideShare * dark);
-      RIGCAL_RETURN_IF_ERROR(Search(&timed.picture));
-      if (timed.picture.seen && turn == 1) is_white_on_dark = !is_white_on_dark;
+      picture.grey = DarkOnWhite(values, kOutsideShare * dark, kInsideShare * dark);
+      RIGCAL_RETURN_IF_ERROR(Search(&picture));
+      if (picture.seen && turn == 1) is_white_on_dark = !is_white_on_dark;
       --counts.pictures;
     }
-    if (timed.picture.grey.empty()) return absl::OkStatus();
+    if (picture.grey.empty()) return absl::OkStatus();
     ++counts.pictures;
-    if (timed.picture.seen) {
-      timed.times_us.assign(timed.picture.seen->pixels.size(), timed.picture.time_us);
-    }
-    Emit(&timed);
+    Emit(&picture);
     return absl::OkStatus();
   }
 
@@ -210,72 +196,32 @@ struct EventBoardDetector::Impl {
     return absl::OkStatus();
   }
 
-  // Each disc has the mean time of its own events.
-  void TimeDiscs(const Burst& burst, TimedPicture* timed) const {
-    const std::vector<Eigen::Vector2d>& pixels = timed->picture.seen->pixels;
-    cv::Mat1s disc_at(static_cast<int>(geometry.height), static_cast<int>(geometry.width),
-                      static_cast<int16_t>(-1));
-    for (size_t i = 0; i < pixels.size(); ++i) {
-      const int radius = static_cast<int>(kTimedShare * NearestOf(pixels, i));
-      cv::circle(disc_at, {cvRound(pixels[i].x()), cvRound(pixels[i].y())}, std::max(1, radius),
-                 cv::Scalar(static_cast<double>(i)), cv::FILLED);
-    }
-    std::vector<double> sums(pixels.size(), 0), weights(pixels.size(), 0);
-    for (int64_t ms = burst.first_ms; ms <= burst.last_ms; ++ms) {
-      const EventBin* const bin = bins.At(ms);
-      if (bin == nullptr) continue;
-      for (const PackedEvent& event : bin->events) {
-        const int disc = disc_at(event.y(), event.x);
-        if (disc < 0) continue;
-        const double sign = event.on() == burst.on ? 1 : -1;
-        const auto since_us =
-            static_cast<int32_t>(event.time_us - static_cast<uint32_t>(burst.first_ms * 1000));
-        weights[static_cast<size_t>(disc)] += sign;
-        sums[static_cast<size_t>(disc)] += sign * since_us;
-      }
-    }
-    double all_us = 0;
-    for (size_t i = 0; i < pixels.size(); ++i) {
-      const double since_us = weights[i] > 0 ? sums[i] / weights[i] : 0;
-      timed->times_us.push_back(static_cast<double>(burst.first_ms) * 1000 + since_us);
-      all_us += timed->times_us.back() / static_cast<double>(pixels.size());
-    }
-    timed->picture.time_us = all_us;
-  }
-
   // `next` waits for the one behind it; the one that waited is told now.
-  void Emit(TimedPicture* next) {
+  void Emit(EventBoardPicture* next) {
     if (waiting) {
-      const TimedPicture* const from = Near(before ? &*before : nullptr, *waiting);
-      const TimedPicture* const to = Near(next, *waiting);
-      EventBoardPicture told = waiting->picture;
-      if (told.seen) MoveDiscs(from, to, *waiting, &told);
-      found->push_back(std::move(told));
-      before = std::move(waiting);
-      before->picture.grey = cv::Mat();
+      waiting->speed_px_s = SpeedOf(Near(before ? &*before : nullptr), Near(next));
+      before = *waiting;
+      before->grey = cv::Mat();
+      found->push_back(*std::move(waiting));
       waiting.reset();
     }
     if (next != nullptr) waiting = std::move(*next);
   }
-  static const TimedPicture* Near(const TimedPicture* other, const TimedPicture& picture) {
-    const bool is_near = other != nullptr && other->picture.seen && picture.picture.seen &&
-                         std::abs(other->picture.time_us - picture.picture.time_us) < kNeighbourUs;
+  // The picture, if it tells how the board moves in the one that waits.
+  const EventBoardPicture* Near(const EventBoardPicture* other) const {
+    const bool is_near = other != nullptr && other->seen && waiting->seen &&
+                         std::abs(other->time_us - waiting->time_us) < kNeighbourUs;
     return is_near ? other : nullptr;
   }
-  static void MoveDiscs(const TimedPicture* from, const TimedPicture* to,
-                        const TimedPicture& picture, EventBoardPicture* told) {
-    told->speed_px_s = kNan;
-    if (from == nullptr && to == nullptr) return;
-    const TimedPicture& first = from == nullptr ? picture : *from;
-    const TimedPicture& last = to == nullptr ? picture : *to;
-    std::vector<double> speeds;
-    for (size_t i = 0; i < picture.times_us.size(); ++i) {
-      const Eigen::Vector2d way = last.picture.seen->pixels[i] - first.picture.seen->pixels[i];
-      const Eigen::Vector2d px_per_us = way / (last.times_us[i] - first.times_us[i]);
-      told->seen->pixels[i] += px_per_us * (told->time_us - picture.times_us[i]);
-      speeds.push_back(1e6 * px_per_us.norm());
+  double SpeedOf(const EventBoardPicture* from, const EventBoardPicture* to) const {
+    if (from == nullptr) from = &*waiting;
+    if (to == nullptr) to = &*waiting;
+    if (!(to->time_us > from->time_us)) return kNan;
+    std::vector<double> ways_px;
+    for (size_t i = 0; i < from->seen->pixels.size(); ++i) {
+      ways_px.push_back((to->seen->pixels[i] - from->seen->pixels[i]).norm());
     }
-    told->speed_px_s = UpperMedian(std::move(speeds));
+    return 1e6 * UpperMedian(std::move(ways_px)) / (to->time_us - from->time_us);
   }
 
   const Board board;
@@ -291,7 +237,7 @@ struct EventBoardDetector::Impl {
   std::optional<int64_t> next_ms, last_burst_ms, motion_ms;
   uint64_t recent_events = 0;
   bool is_white_on_dark = false;
-  std::optional<TimedPicture> before, waiting;
+  std::optional<EventBoardPicture> before, waiting;
   EventBoardCounts counts;
   std::vector<EventBoardPicture>* found = nullptr;  // while bytes are taken
   absl::Status status;

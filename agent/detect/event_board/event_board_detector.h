@@ -28,7 +28,8 @@ struct EventBoardPicture {
   cv::Mat grey;  // CV_8UC1
   // Of all points at `time_us`: the centroids of the discs' images. None: there is no board.
   std::optional<SeenBoard> seen;
-  // Of the board's middle, by the pictures before and after; not a number where there is none.
+  // Of the board's points, median, by the pictures before and after; not a number where there is
+  // none.
   double speed_px_s = 0;
 };
 
@@ -40,15 +41,14 @@ struct EventBoardCounts {
   uint64_t boards = 0;     // found
   double blink_hz = 0;     // measured, shown and hidden together; 0: nothing blinks
   double flicker_hz = 0;   // between bursts: a backlight, a refresh, a lamp; 0: none
-  double moving_events_hz = 0;
 };
 
 // Finds a board of circles in the events of one camera.
 //
 // On a screen that shows and hides its discs: each change is a burst (BurstFinder), whose picture
-// is the net number of events at each pixel. A screen is drawn row by row: each disc has a time of
-// its own, the mean of its events, and is moved to the time of the whole board by the way that it
-// makes from the picture before to the one after.
+// is the net number of events at each pixel. A screen is drawn row by row, and its crystals take
+// their time; but what is summed up shows all discs where they are at the end of a burst that shows
+// them, or were at the beginning of one that hides them, and that is the picture's time.
 //
 // A print, or anything else that does not blink, in motion: PolarityFilter.
 //

@@ -79,7 +79,7 @@ absl::Status NoBoard(const Board& board, int looked_at, const std::vector<cv::Ma
 
 absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardViewsOptions& options,
                                              FrameSource* frames,
-                                             const std::function<void(const BoardViews&)>& taken) {
+                                             const std::function<bool(const BoardViews&)>& taken) {
   BoardViews result;
   result.image_size_px = frames->description().image_size_px;
   result.camera = frames->description().camera;
@@ -128,7 +128,7 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
       }
     }
     result.views.push_back(std::move(view));
-    taken(result);
+    if (!taken(result)) break;
   }
   frames->Stop();
   if (result.pictures == 0) return absl::FailedPreconditionError("there were no pictures");

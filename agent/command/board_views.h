@@ -32,10 +32,11 @@ struct BoardViews {
 
 // Searches the pictures of a source for the board until there are enough views, or no more
 // pictures, or 200 pictures of a source without end have shown none. `taken` is called after each
-// view. FAILED_PRECONDITION: there were no pictures, or none shows the board; where boards with
-// other counts are found instead, they are named. Other errors are those of the source.
+// view and says whether more are wanted. FAILED_PRECONDITION: there were no pictures, or none shows
+// the board; where boards with other counts are found instead, they are named. Other errors are
+// those of the source.
 absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardViewsOptions& options,
                                              FrameSource* frames,
-                                             const std::function<void(const BoardViews&)>& taken);
+                                             const std::function<bool(const BoardViews&)>& taken);
 
 }  // namespace rigcal::agent

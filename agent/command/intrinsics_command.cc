@@ -1,18 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <string>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "agent/capture/image_file.h"
+#include "agent/capture/recorded/recorded_frame_source.h"
 #include "agent/command/board_views.h"
 #include "agent/command/frame_input.h"
+#include "agent/command/lens_map.h"
 #include "agent/command/lens_report.h"
 #include "agent/command/subcommands.h"
 #include "common/board/board.h"
 #include "common/camera/camera_export.h"
+#include "common/file/durable_file.h"
 #include "common/file/may_write.h"
+#include "common/lens/lens_guide.h"
 #include "common/lens/lens_solver.h"
 #include "common/status/status_macros.h"
 
@@ -22,6 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kViewsOfStream = 40;
+constexpr double kUntilPx = 0.2;  // of a live camera
 
 struct IntrinsicsFlags {
   FrameInput input;
@@ -29,7 +36,9 @@ struct IntrinsicsFlags {
   std::string out;
   bool force = false;
   std::string model = "auto";
-  int views = -1;  // not given
+  int views = -1;        // not given
+  double until_px = -1;  // not given
+  std::string map;
   std::string format = "table";
 };
 
@@ -53,6 +62,27 @@ FrameInput WithoutLens(FrameInput input) {
   return input;
 }
 
+// A camera that shows what somebody does now.
+bool IsLive(const FrameSourceSpec& spec) {
+  return dynamic_cast<const HasOptions<RecordedFramesOptions>*>(&spec) == nullptr;
+}
+
+// What to hold where, and how much is known; a line after each view.
+std::string GuideLine(const LensGuide& guide, size_t views, int views_at_most) {
+  std::string line = absl::StrCat("view ", views);
+  if (views_at_most > 0) absl::StrAppend(&line, " of ", views_at_most);
+  if (guide.solution()) {
+    absl::StrAppendFormat(&line, ": 95 %% of the image are known within %.2f px",
+                          guide.solution()->uncertainty.p95_px);
+  }
+  if (guide.is_enough()) return line + ", which is enough\n";
+  absl::StrAppend(&line, "\n  next: ", guide.next().words);
+  if (std::isfinite(guide.next().expected_p95_px)) {
+    absl::StrAppendFormat(&line, ", for %.2f px", guide.next().expected_p95_px);
+  }
+  return line + "\n";
+}
+
 absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Board board, ParseBoard(flags.board));
   LensOptions options;
@@ -69,18 +99,47 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
                                                    " are too few: ", kLeastLensViews,
                                                    " are the least, 20 to 40 are good"));
   }
+  if (is_pictures && flags.until_px >= 0) {
+    return absl::InvalidArgumentError(
+        "--until-px is of a camera or a video; of pictures all are used");
+  }
   RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
+  if (!flags.map.empty()) RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.map, flags.force));
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(WithoutLens(flags.input)));
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec->Make());
-  const auto tell = [&](const BoardViews& so_far) {
-    // Who waves a board wants to know when a view was taken.
-    if (!is_table || is_pictures) return;
-    out << absl::StrCat("view ", so_far.views.size(), " of ", collecting.views, "\n") << std::flush;
+  LensGuideOptions guiding;
+  guiding.model = options.model;
+  guiding.until_px = flags.until_px >= 0 ? flags.until_px : IsLive(*spec) ? kUntilPx : 0;
+  guiding.is_whole = !board.HasMarkers();  // of those with markers, parts are found
+  LensGuide guide(board.Points(), frames->description().image_size_px, guiding);
+  if (is_table && !is_pictures) {
+    out << absl::StrCat("first: ", guide.next().words, " (left and right as in the image)\n")
+        << std::flush;
+  }
+  const auto follow = [&](const BoardViews& so_far) {
+    if (is_pictures) return true;
+    guide.Follow(so_far.views);
+    if (is_table) {
+      out << GuideLine(guide, so_far.views.size(), collecting.views) << std::flush;
+    }
+    return !guide.is_enough();
   };
   RIGCAL_ASSIGN_OR_RETURN(const BoardViews views,
-                          CollectBoardViews(board, collecting, frames.get(), tell));
-  RIGCAL_ASSIGN_OR_RETURN(const LensSolution solution,
-                          SolveLens(views.views, views.image_size_px, options));
+                          CollectBoardViews(board, collecting, frames.get(), follow));
+  absl::StatusOr<LensSolution> solved =
+      guide.is_enough() ? *guide.solution() : SolveLens(views.views, views.image_size_px, options);
+  RIGCAL_RETURN_IF_ERROR(solved.status());
+  LensSolution solution = *std::move(solved);
+  if (guiding.until_px > 0 && !guide.is_enough()) {
+    solution.advice.push_back(absl::StrFormat(
+        "95 %% of the image are known within %.2f px after %d views, not within the %g px of "
+        "--until-px: %s",
+        solution.uncertainty.p95_px, solution.views, guiding.until_px, guide.next().words));
+  }
+  if (!flags.map.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::string map, DrawLensMap(views, solution));
+    RIGCAL_RETURN_IF_ERROR(WriteOutputFile(flags.map, map));
+  }
   RIGCAL_RETURN_IF_ERROR(WriteCameraExport(flags.out, {.camera = views.camera,
                                                        .image_size_px = views.image_size_px,
                                                        .intrinsics = solution.intrinsics,
@@ -111,10 +170,18 @@ void AddIntrinsicsCommand(CLI::App& app, Subcommands* all) {
       ->check(
           CLI::IsMember({"auto", "pinhole4", "pinhole5", "pinhole8", "fisheye"}).description(""));
   command.add_option("--views", flags.views,
-                     "Views to use at most; 0: all [40 of a camera or video, all of images]");
+                     "Views to take at most; 0: all [40 of a camera or video, all of images]");
+  command
+      .add_option("--until-px", flags.until_px,
+                  "End when 95 % of the image are known within so many pixels (one sigma, by noise "
+                  "alone), after 10 views and more; 0: never [0.2 of a camera, 0 of a video]")
+      ->check(CLI::NonNegativeNumber.description(""));
+  command.add_option("--map", flags.map,
+                     "PNG with the uncertainty of the lens over the image in colours");
   AddFormatOption(command, &flags.format, "table or json [table]");
   command.footer(
-      "Hold the board near, tilted to every side, all over the image. Examples:\n"
+      "Hold the board near, tilted to every side, all over the image; of a camera, a line after "
+      "each view says where to hold it next. Examples:\n"
       "  rigcal board print board:checker,9x6,0.025 --output board.svg\n"
       "  rigcal-agent intrinsics aravis:192.168.1.5 --board board:checker,9x6,0.025 --output "
       "left.yaml\n"

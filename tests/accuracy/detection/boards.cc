@@ -19,6 +19,7 @@
 #include "common/lens/circle_image.h"
 #include "common/lens/lens_solver.h"
 #include "common/statistics/robust_statistics.h"
+#include "tests/accuracy/detection/board_guidance.h"
 #include "tests/accuracy/detection/detection_experiments.h"
 #include "tests/accuracy/seed_options.h"
 #include "tests/accuracy/seed_runs.h"
@@ -232,10 +233,15 @@ void PrintLenses(const SeedOptions& seeds) {
 Experiment Boards() {
   SeedOptions defaults;
   defaults.count = 20;
-  return SeedExperiment("boards", "points of printed boards, and lenses from them", defaults,
-                        [](const SeedOptions& seeds) {
-                          if (seeds.only != "lenses") PrintPoints(seeds);
-                          if (seeds.only != "points") PrintLenses(seeds);
+  return SeedExperiment("boards",
+                        "points of printed boards, lenses from them, views that they need",
+                        defaults, [](const SeedOptions& seeds) {
+                          const auto is_wanted = [&](const std::string& part) {
+                            return seeds.only.empty() || seeds.only == part;
+                          };
+                          if (is_wanted("points")) PrintPoints(seeds);
+                          if (is_wanted("lenses")) PrintLenses(seeds);
+                          if (is_wanted("guidance")) PrintBoardGuidance(seeds);
                           return 0;
                         });
 }

@@ -141,7 +141,7 @@ absl::Status NoBoardInEvents(const Board& board, const EventBoardCounts& counts,
 
 absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardViewsOptions& options,
                                              BoardPictures* pictures,
-                                             const std::function<void(const BoardViews&)>& taken) {
+                                             const std::function<bool(const BoardViews&)>& taken) {
   BoardViews result;
   result.image_size_px = pictures->description().image_size_px;
   result.camera = pictures->description().camera;
@@ -188,7 +188,7 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
       if (verdict != ViewChoice::Verdict::kTaken) continue;
     }
     result.views.push_back(std::move(view));
-    taken(result);
+    if (!taken(result)) break;
   }
   pictures->Stop();
   result.refused = pictures->Refused();

@@ -36,12 +36,12 @@ struct BoardViews {
 };
 
 // Takes views of the board from pictures until there are enough, or no more pictures, or 200
-// pictures of a source without end have shown none. `taken` is called after each view.
-// FAILED_PRECONDITION: there were no pictures, or none shows the board; where boards with other
-// counts are found instead, they are named; of events, what they show instead. Other errors are
-// those of the source.
+// pictures of a source without end have shown none. `taken` is called after each view and says
+// whether more are wanted. FAILED_PRECONDITION: there were no pictures, or none shows the board;
+// where boards with other counts are found instead, they are named; of events, what they show
+// instead. Other errors are those of the source.
 absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardViewsOptions& options,
                                              BoardPictures* pictures,
-                                             const std::function<void(const BoardViews&)>& taken);
+                                             const std::function<bool(const BoardViews&)>& taken);
 
 }  // namespace rigcal::agent

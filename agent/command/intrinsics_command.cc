@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -6,18 +7,23 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "agent/capture/event_source_spec.h"
 #include "agent/capture/image_file.h"
+#include "agent/capture/recorded/raw_event_source.h"
+#include "agent/capture/recorded/recorded_frame_source.h"
 #include "agent/command/board_pictures.h"
 #include "agent/command/board_views.h"
 #include "agent/command/corner_file.h"
 #include "agent/command/frame_input.h"
+#include "agent/command/lens_map.h"
 #include "agent/command/lens_report.h"
 #include "agent/command/subcommands.h"
 #include "common/board/board.h"
 #include "common/camera/camera_export.h"
 #include "common/file/durable_file.h"
 #include "common/file/may_write.h"
+#include "common/lens/lens_guide.h"
 #include "common/lens/lens_solver.h"
 #include "common/status/status_macros.h"
 
@@ -27,6 +33,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kViewsOfStream = 40;
+constexpr double kUntilPx = 0.2;  // of a live camera
 
 struct IntrinsicsFlags {
   FrameInput input;
@@ -35,7 +42,9 @@ struct IntrinsicsFlags {
   bool force = false;
   std::string corners;  // file for the points that were found; empty: none
   std::string model = "auto";
-  int views = -1;  // not given
+  int views = -1;        // not given
+  double until_px = -1;  // not given
+  std::string map;
   std::string format = "table";
 };
 
@@ -59,20 +68,51 @@ FrameInput WithoutLens(FrameInput input) {
   return input;
 }
 
-absl::StatusOr<std::unique_ptr<BoardPictures>> PicturesOf(const Board& board,
-                                                          const FrameInput& input) {
+// What shows the board.
+struct BoardSource {
+  std::unique_ptr<BoardPictures> pictures;
+  bool is_live = false;  // it shows what somebody does now
+};
+
+template <typename RecordedOptions>
+bool IsLive(const SourceSpec& spec) {
+  return dynamic_cast<const HasOptions<RecordedOptions>*>(&spec) == nullptr;
+}
+
+absl::StatusOr<BoardSource> SourceOf(const Board& board, const FrameInput& input) {
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<SourceSpec> spec, ResolveInput(WithoutLens(input)));
+  BoardSource source;
   if (const auto* const frames = dynamic_cast<const FrameSourceSpec*>(spec.get())) {
-    RIGCAL_ASSIGN_OR_RETURN(auto source, frames->Make());
-    return PicturesOfFrames(board, std::move(source));
+    RIGCAL_ASSIGN_OR_RETURN(auto made, frames->Make());
+    source.pictures = PicturesOfFrames(board, std::move(made));
+    source.is_live = IsLive<RecordedFramesOptions>(*spec);
+    return source;
   }
   if (const auto* const events = dynamic_cast<const EventSourceSpec*>(spec.get())) {
-    RIGCAL_ASSIGN_OR_RETURN(auto source, events->Make());
-    return PicturesOfEvents(board, std::move(source));
+    RIGCAL_ASSIGN_OR_RETURN(auto made, events->Make());
+    RIGCAL_ASSIGN_OR_RETURN(source.pictures, PicturesOfEvents(board, std::move(made)));
+    source.is_live = IsLive<RawSourceOptions>(*spec);
+    return source;
   }
   return absl::InvalidArgumentError(
       absl::StrCat("camera ", spec->camera(),
                    " yields neither frames nor events; a simulated camera does with ;pixels=1"));
+}
+
+// What to hold where, and how much is known; a line after each view.
+std::string GuideLine(const LensGuide& guide, size_t views, int views_at_most) {
+  std::string line = absl::StrCat("view ", views);
+  if (views_at_most > 0) absl::StrAppend(&line, " of ", views_at_most);
+  if (guide.solution()) {
+    absl::StrAppendFormat(&line, ": 95 %% of the image are known within %.2f px",
+                          guide.solution()->uncertainty.p95_px);
+  }
+  if (guide.is_enough()) return line + ", which is enough\n";
+  absl::StrAppend(&line, "\n  next: ", guide.next().words);
+  if (std::isfinite(guide.next().expected_p95_px)) {
+    absl::StrAppendFormat(&line, ", for %.2f px", guide.next().expected_p95_px);
+  }
+  return line + "\n";
 }
 
 absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
@@ -91,24 +131,52 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
                                                    " are too few: ", kLeastLensViews,
                                                    " are the least, 20 to 40 are good"));
   }
+  if (is_pictures && flags.until_px >= 0) {
+    return absl::InvalidArgumentError(
+        "--until-px is of a camera or a video; of pictures all are used");
+  }
   RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
   if (!flags.corners.empty()) {
     RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.corners, flags.force));
   }
-  RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<BoardPictures> pictures,
-                          PicturesOf(board, flags.input));
-  const auto tell = [&](const BoardViews& so_far) {
-    // Who waves a board wants to know when a view was taken.
-    if (!is_table || is_pictures) return;
-    out << absl::StrCat("view ", so_far.views.size(), " of ", collecting.views, "\n") << std::flush;
+  if (!flags.map.empty()) RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.map, flags.force));
+  RIGCAL_ASSIGN_OR_RETURN(const BoardSource source, SourceOf(board, flags.input));
+  LensGuideOptions guiding;
+  guiding.model = options.model;
+  guiding.until_px = flags.until_px >= 0 ? flags.until_px : source.is_live ? kUntilPx : 0;
+  guiding.is_whole = !board.HasMarkers();  // of those with markers, parts are found
+  LensGuide guide(board.Points(), source.pictures->description().image_size_px, guiding);
+  if (is_table && !is_pictures) {
+    out << absl::StrCat("first: ", guide.next().words, " (left and right as in the image)\n")
+        << std::flush;
+  }
+  const auto follow = [&](const BoardViews& so_far) {
+    if (is_pictures) return true;
+    guide.Follow(so_far.views);
+    if (is_table) {
+      out << GuideLine(guide, so_far.views.size(), collecting.views) << std::flush;
+    }
+    return !guide.is_enough();
   };
   RIGCAL_ASSIGN_OR_RETURN(const BoardViews views,
-                          CollectBoardViews(board, collecting, pictures.get(), tell));
+                          CollectBoardViews(board, collecting, source.pictures.get(), follow));
   if (!flags.corners.empty()) {
     RIGCAL_RETURN_IF_ERROR(WriteOutputFile(flags.corners, CornersText(board, views)));
   }
-  RIGCAL_ASSIGN_OR_RETURN(const LensSolution solution,
-                          SolveLens(views.views, views.image_size_px, options));
+  absl::StatusOr<LensSolution> solved =
+      guide.is_enough() ? *guide.solution() : SolveLens(views.views, views.image_size_px, options);
+  RIGCAL_RETURN_IF_ERROR(solved.status());
+  LensSolution solution = *std::move(solved);
+  if (guiding.until_px > 0 && !guide.is_enough()) {
+    solution.advice.push_back(absl::StrFormat(
+        "95 %% of the image are known within %.2f px after %d views, not within the %g px of "
+        "--until-px: %s",
+        solution.uncertainty.p95_px, solution.views, guiding.until_px, guide.next().words));
+  }
+  if (!flags.map.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::string map, DrawLensMap(views, solution));
+    RIGCAL_RETURN_IF_ERROR(WriteOutputFile(flags.map, map));
+  }
   RIGCAL_RETURN_IF_ERROR(WriteCameraExport(flags.out, {.camera = views.camera,
                                                        .image_size_px = views.image_size_px,
                                                        .intrinsics = solution.intrinsics,
@@ -139,14 +207,22 @@ void AddIntrinsicsCommand(CLI::App& app, Subcommands* all) {
       ->check(
           CLI::IsMember({"auto", "pinhole4", "pinhole5", "pinhole8", "fisheye"}).description(""));
   command.add_option("--views", flags.views,
-                     "Views to use at most; 0: all [40 of a camera or video, all of images]");
+                     "Views to take at most; 0: all [40 of a camera or video, all of images]");
+  command
+      .add_option("--until-px", flags.until_px,
+                  "End when 95 % of the image are known within so many pixels (one sigma, by noise "
+                  "alone), after 10 views and more; 0: never [0.2 of a camera, 0 of a video]")
+      ->check(CLI::NonNegativeNumber.description(""));
+  command.add_option("--map", flags.map,
+                     "PNG with the uncertainty of the lens over the image in colours");
   command
       .add_option("--corners", flags.corners,
                   "Also write the points that were found, as mrcal reads them (vnlog)")
       ->type_name("FILE");
   AddFormatOption(command, &flags.format, "table or json [table]");
   command.footer(
-      "Hold the board near, tilted to every side, all over the image. Examples:\n"
+      "Hold the board near, tilted to every side, all over the image; of a camera, a line after "
+      "each view says where to hold it next. Examples:\n"
       "  rigcal board print board:checker,9x6,0.025 --output board.svg\n"
       "  rigcal-agent intrinsics aravis:192.168.1.5 --board board:checker,9x6,0.025 --output "
       "left.yaml\n"

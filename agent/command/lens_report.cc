@@ -65,10 +65,13 @@ std::string FormatLensReport(const Board& board, const BoardViews& views,
                         lens.cy_px, solution.sigmas[2], solution.sigmas[3]);
   absl::StrAppendFormat(&text, "error         %.3f px RMS, %.3f px in views that were held out\n",
                         solution.rms_px, solution.held_out_rms_px);
+  absl::StrAppendFormat(
+      &text, "uncertainty   %.3f px (median), %.3f px (95 %% of the image) by noise alone\n",
+      solution.uncertainty.median_px, solution.uncertainty.p95_px);
   if (solution.halves) {
     absl::StrAppendFormat(
         &text,
-        "uncertainty   two halves of the views differ by %.3f px (median), %.3f px "
+        "              two halves of the views differ by %.3f px (median), %.3f px "
         "(95 %% of the image)\n",
         solution.halves->median_px, solution.halves->p95_px);
   }
@@ -114,9 +117,17 @@ std::string LensReportJson(const Board& board, const BoardViews& views,
                  {"cy_px", lens.cy_px},
                  {"distortion", lens.distortion}}},
                {"sigmas", Json::array()},
+               {"noise_px", solution.noise_px},
                {"rms_px", solution.rms_px},
                {"held_out_rms_px", solution.held_out_rms_px},
                {"candidates", Json::array()},
+               {"uncertainty",
+                {{"median_px", Finite(solution.uncertainty.median_px)},
+                 {"p95_px", Finite(solution.uncertainty.p95_px)}}},
+               {"uncertainty_map_px",
+                {{"columns", LensDifference::kColumns},
+                 {"rows", LensDifference::kRows},
+                 {"values", Json::array()}}},
                {"halves", nullptr},
                {"board_bend", nullptr},
                {"covered_share", solution.covered_share},
@@ -132,6 +143,8 @@ std::string LensReportJson(const Board& board, const BoardViews& views,
                       {"flicker_hz", views.events->flicker_hz}};
   }
   for (const double sigma : solution.sigmas) json["sigmas"].push_back(Finite(sigma));
+  Json& values = json["uncertainty_map_px"]["values"];
+  for (const double sigma : solution.uncertainty.map_px) values.push_back(Finite(sigma));
   for (const LensCandidate& candidate : solution.candidates) {
     json["candidates"].push_back({{"model", std::string(LensModelName(candidate.model))},
                                   {"rms_px", candidate.rms_px},

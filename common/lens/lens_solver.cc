@@ -23,6 +23,8 @@ constexpr size_t kLeastCornersOfView = 6;
 constexpr size_t kFolds = 5;
 // A corner at the border may have no ray by a lens that was solved without it.
 constexpr double kMostHeldOutPx = 5;
+constexpr int kStepsToGoOn = 4;      // from a solution of most of the views
+constexpr double kMuchWorse = 1.5;   // a family's held-out error over the least one
 constexpr double kAsGood = 1.02;     // of the least held-out error: the simpler model wins ...
 constexpr double kSystematic = 2.5;  // ... unless its views are worse by so many standard errors
 
@@ -42,7 +44,8 @@ constexpr double kGoodFocalSigma = 0.003;
 constexpr double kGoodHalvesPx = 0.3, kPoorHalvesPx = 5;
 constexpr double kPoorRmsPx = 0.6;
 constexpr double kGoodCoverage = 0.7;
-constexpr int kGoodViews = 20;
+constexpr int kFewViews = 10, kGoodViews = 20;
+constexpr double kGoodUncertaintyPx = 0.2;
 constexpr int kBlindGrid = 21;
 constexpr double kBendSigmas = 5;
 
@@ -70,18 +73,23 @@ double TiltDeg(const RigidTransform& cam_from_board) {
   return std::acos(std::min(1.0, std::abs(normal.z()))) * 180 / std::numbers::pi;
 }
 
-// A model's robust solve of all views. A richer model begins where the simpler one of its family
-// has ended.
+// A model begins where a simpler one of its family has ended.
+LensEstimate Enriched(const LensEstimate& simpler, LensModel model) {
+  LensEstimate start = simpler;
+  start.model = model;
+  start.intrinsics.model = DistortionModelOf(model);
+  start.intrinsics.distortion.resize(static_cast<size_t>(CoefficientCount(start.intrinsics.model)),
+                                     0.0);
+  return start;
+}
+
+// A model's robust solve of all views.
 absl::StatusOr<LensEstimate> SolveRobustly(LensModel model, const ImageSize& image_size_px,
                                            const std::vector<BoardView>& views,
                                            const LensEstimate* simpler) {
   LensEstimate start;
   if (simpler != nullptr) {
-    start = *simpler;
-    start.model = model;
-    start.intrinsics.model = DistortionModelOf(model);
-    start.intrinsics.distortion.resize(
-        static_cast<size_t>(CoefficientCount(start.intrinsics.model)), 0.0);
+    start = Enriched(*simpler, model);
   } else {
     RIGCAL_ASSIGN_OR_RETURN(start, StartLens(model, image_size_px, views));
   }
@@ -93,6 +101,58 @@ absl::StatusOr<LensEstimate> SolveRobustly(LensModel model, const ImageSize& ima
         std::max(UpperMedian(ErrorsOf(views, start)) / kMedianOfRayleigh, kLeastNoisePx);
   }
   return start;
+}
+
+double LeastHeldOut(const LensSolution& solution) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const LensCandidate& candidate : solution.candidates) {
+    least = std::min(least, candidate.held_out_rms_px);
+  }
+  return least;
+}
+
+// From a solve of most of these views. None: the model was not in it, and there is no simpler one.
+std::optional<LensEstimate> GoOn(LensModel model, const std::vector<BoardView>& views,
+                                 const LensSolution& previous, const LensEstimate* simpler) {
+  const auto before =
+      std::find_if(previous.candidates.begin(), previous.candidates.end(),
+                   [&](const LensCandidate& candidate) { return candidate.model == model; });
+  // What has gone astray begins again.
+  const bool is_astray = simpler != nullptr && before != previous.candidates.end() &&
+                         before->held_out_rms_px > kMuchWorse * LeastHeldOut(previous);
+  LensEstimate start;
+  if (before != previous.candidates.end() && !is_astray) {
+    start = before->estimate;
+    start.cam_from_board.clear();
+    for (const BoardView& view : views) {
+      const auto same =
+          std::find_if(previous.view_results.begin(), previous.view_results.end(),
+                       [&](const LensViewResult& result) { return result.name == view.name; });
+      start.cam_from_board.push_back(
+          same != previous.view_results.end() && same->left_out.empty()
+              ? before->estimate
+                    .cam_from_board[static_cast<size_t>(same - previous.view_results.begin())]
+              : PlaceBoard(model, view, start.intrinsics).cam_from_board);
+    }
+  } else if (simpler != nullptr) {
+    start = Enriched(*simpler, model);
+  } else {
+    return std::nullopt;
+  }
+  LensAdjustmentOptions options;
+  options.loss_px = kNarrowLossPx;
+  options.max_steps = kStepsToGoOn;
+  return AdjustLens(views, start, options).estimate;
+}
+
+// Of the models of its family the best one predicts views as well as any other, or nearly.
+bool IsFamilyOfUse(bool is_fisheye, const LensSolution& previous) {
+  double of_family = std::numeric_limits<double>::infinity();
+  for (const LensCandidate& candidate : previous.candidates) {
+    if ((candidate.model == LensModel::kFisheye) != is_fisheye) continue;
+    of_family = std::min(of_family, candidate.held_out_rms_px);
+  }
+  return of_family <= kMuchWorse * LeastHeldOut(previous);
 }
 
 // Which corners and views are used.
@@ -111,6 +171,13 @@ struct UsedCorners {
       }
     }
     return used;
+  }
+  // The lens and the poses of the views that are used, into those of all.
+  void Into(const LensEstimate& fitted, LensEstimate* all) const {
+    all->intrinsics = fitted.intrinsics;
+    for (size_t i = 0, at = 0; i < left_out.size(); ++i) {
+      if (left_out[i].empty()) all->cam_from_board[i] = fitted.cam_from_board[at++];
+    }
   }
   // The poses of the views that are used.
   LensEstimate Of(const LensEstimate& all) const {
@@ -180,16 +247,17 @@ ViewSubset Subset(const std::vector<BoardView>& views, const LensEstimate& estim
 
 // Errors of each view with a lens that was solved without it.
 std::vector<std::vector<double>> HeldOutErrors(const std::vector<BoardView>& views,
-                                               const LensEstimate& estimate) {
+                                               const LensEstimate& estimate, int max_steps) {
   const size_t folds = std::min(kFolds, views.size());
   std::vector<std::vector<double>> errors(views.size());
   for (size_t fold = 0; fold < folds; ++fold) {
     const ViewSubset training =
         Subset(views, estimate, [&](size_t i) { return i % folds != fold; });
     ViewSubset held_out = Subset(views, estimate, [&](size_t i) { return i % folds == fold; });
-    held_out.estimate.intrinsics =
-        AdjustLens(training.views, training.estimate).estimate.intrinsics;
     LensAdjustmentOptions options;
+    options.max_steps = max_steps;
+    held_out.estimate.intrinsics =
+        AdjustLens(training.views, training.estimate, options).estimate.intrinsics;
     options.fix_intrinsics = true;
     const LensAdjustment placed = AdjustLens(held_out.views, held_out.estimate, options);
     for (size_t k = 0; k < held_out.views.size(); ++k) {
@@ -331,7 +399,8 @@ void AddAdvice(const ImageSize& image_size_px, const std::vector<BoardView>& use
     advice.push_back(absl::StrFormat("the focal length is uncertain by %.1f %%: more tilted views",
                                      100 * solution->sigmas[0] / solution->intrinsics.fx_px));
   }
-  if (solution->views < kGoodViews) {
+  if (solution->views < kFewViews ||
+      (solution->views < kGoodViews && !(solution->uncertainty.p95_px < kGoodUncertaintyPx))) {
     advice.push_back(absl::StrFormat("only %d views were used: take 20 to 40", solution->views));
   }
   if (!solution->halves) {
@@ -431,7 +500,7 @@ absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
                                            const LensOptions& options) {
   // Every model on everything.
   std::vector<LensEstimate> estimates;
-  absl::Status failure;
+  absl::Status failure = absl::FailedPreconditionError("no lens to go on from");
   std::optional<LensEstimate> pinhole;
   for (const LensModel model : AllLensModels()) {
     const bool is_wanted = !options.model || *options.model == model;
@@ -439,14 +508,22 @@ absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
     // The richer pinholes begin with the simpler ones.
     if (!is_wanted && (!is_pinhole || *options.model == LensModel::kFisheye)) continue;
     if (!is_wanted && model > *options.model) continue;
-    absl::StatusOr<LensEstimate> solved =
-        SolveRobustly(model, image_size_px, views, is_pinhole && pinhole ? &*pinhole : nullptr);
-    if (!solved.ok()) {
-      failure = solved.status();
-      continue;
+    const LensEstimate* simpler = is_pinhole && pinhole ? &*pinhole : nullptr;
+    std::optional<LensEstimate> estimate;
+    if (options.previous != nullptr) {
+      if (!IsFamilyOfUse(!is_pinhole, *options.previous)) continue;
+      estimate = GoOn(model, views, *options.previous, simpler);
+      if (!estimate) continue;
+    } else {
+      absl::StatusOr<LensEstimate> solved = SolveRobustly(model, image_size_px, views, simpler);
+      if (!solved.ok()) {
+        failure = solved.status();
+        continue;
+      }
+      estimate = *std::move(solved);
     }
-    if (is_pinhole) pinhole = *solved;
-    if (is_wanted) estimates.push_back(*std::move(solved));
+    if (is_pinhole) pinhole = *estimate;
+    if (is_wanted) estimates.push_back(*std::move(estimate));
   }
   if (estimates.empty()) return failure;
 
@@ -467,13 +544,17 @@ absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
   LensSolution solution;
   std::vector<LensAdjustment> adjusted;
   std::vector<std::vector<std::vector<double>>> held_out;  // by model and view
-  for (const LensEstimate& estimate : estimates) {
-    adjusted.push_back(AdjustLens(good, used.Of(estimate)));
+  LensAdjustmentOptions adjusting;
+  if (options.previous != nullptr) adjusting.max_steps = kStepsToGoOn;
+  for (LensEstimate& estimate : estimates) {
+    adjusted.push_back(AdjustLens(good, used.Of(estimate), adjusting));
     const LensEstimate& fitted = adjusted.back().estimate;
-    held_out.push_back(HeldOutErrors(good, fitted));
+    held_out.push_back(HeldOutErrors(good, fitted, adjusting.max_steps));
+    used.Into(fitted, &estimate);
     solution.candidates.push_back({.model = estimate.model,
                                    .rms_px = RmsOf(ErrorsOf(good, fitted)),
-                                   .held_out_rms_px = RmsOfAll(held_out.back())});
+                                   .held_out_rms_px = RmsOfAll(held_out.back()),
+                                   .estimate = estimate});
   }
   const auto least = std::min_element(solution.candidates.begin(), solution.candidates.end(),
                                       [](const LensCandidate& a, const LensCandidate& b) {
@@ -506,8 +587,7 @@ absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
     view.corners = static_cast<int>(views[i].corners.size());
     view.left_out = used.left_out[i];
     const bool is_used = view.left_out.empty();
-    const RigidTransform& pose =
-        is_used ? result.estimate.cam_from_board[at] : estimates[chosen].cam_from_board[i];
+    const RigidTransform& pose = solution.candidates[chosen].estimate.cam_from_board[i];
     const BoardView& shown = is_used ? good[at] : views[i];
     view.cam_from_board = pose;
     view.tilt_deg = TiltDeg(pose);
@@ -518,9 +598,10 @@ absl::StatusOr<LensSolution> SolveLensOnce(const std::vector<BoardView>& views,
     ++at;
   }
   RIGCAL_RETURN_IF_ERROR(CheckTilt(solution, tilts_deg));
-  solution.halves = CompareHalves(good, result.estimate, image_size_px);
   solution.covered_share = CoveredShare(good, image_size_px);
   solution.blind_share = BlindShare(solution.intrinsics, image_size_px);
+  if (options.previous != nullptr) return solution;
+  solution.halves = CompareHalves(good, result.estimate, image_size_px);
   AddAdvice(image_size_px, good, tilts_deg, &solution);
   return solution;
 }
@@ -559,11 +640,13 @@ absl::StatusOr<LensSolution> SolveLens(const std::vector<BoardView>& views,
     return std::any_of(view.corners.begin(), view.corners.end(),
                        [](const BoardCorner& corner) { return corner.radius_m > 0; });
   });
-  for (int round = 0; has_circles && solution.ok() && round < kEccentricityRounds; ++round) {
+  const int rounds = options.previous != nullptr ? 1 : kEccentricityRounds;
+  for (int round = 0; has_circles && solution.ok() && round < rounds; ++round) {
     centres = WithoutEccentricity(views, *solution);
     solution = SolveLensOnce(centres, image_size_px, options);
   }
-  if (!solution.ok()) return solution;
+  // Who holds a board before a camera waits for nothing that the last solve will say.
+  if (!solution.ok() || options.previous != nullptr) return solution;
   return SolveBent(centres, image_size_px, options, *solution);
 }
 

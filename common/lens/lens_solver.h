@@ -10,6 +10,7 @@
 #include "common/camera/intrinsics_vector.h"
 #include "common/geometry/rigid_transform.h"
 #include "common/lens/board_view.h"
+#include "common/lens/lens_adjustment.h"
 #include "common/lens/lens_difference.h"
 #include "common/lens/lens_model.h"
 #include "common/lens/lens_uncertainty.h"
@@ -18,8 +19,14 @@ namespace rigcal {
 
 inline constexpr int kLeastLensViews = 6;
 
+struct LensSolution;
+
 struct LensOptions {
   std::optional<LensModel> model;  // none: the one that predicts views best that it has not seen
+  // Of most of these views (by name, which must differ): the solve goes on from there, in a few
+  // steps and without the comparison of halves, for whom cannot wait. A family of models (pinhole,
+  // fisheye) that was much worse is left out. Null: from nothing.
+  const LensSolution* previous = nullptr;
 };
 
 // What one model made of the views.
@@ -27,6 +34,7 @@ struct LensCandidate {
   LensModel model = LensModel::kPinhole4;
   double rms_px = 0;           // distances of corners that were used
   double held_out_rms_px = 0;  // the same of views that were not in the solve, by turns
+  LensEstimate estimate;       // the poses of all views, also of those that were left out
 };
 
 struct LensViewResult {

@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 
+#include "common/camera/camera_model.h"
 #include "common/statistics/robust_statistics.h"
 
 namespace rigcal {
@@ -21,8 +22,15 @@ constexpr double kStartLossPx = 5;
 constexpr double kWidestTheta = 1.35;  // beyond, tan() spoils a homography
 constexpr size_t kLeastCornersForPose = 6;
 
-// x / z, y / z of where a pixel looks through a lens without distortion.
-std::optional<Eigen::Vector2d> PlainRay(const Intrinsics& lens, const Eigen::Vector2d& pixel) {
+// x / z, y / z of where a pixel looks.
+std::optional<Eigen::Vector2d> RayOf(const Intrinsics& lens, const Eigen::Vector2d& pixel) {
+  const bool is_plain = std::all_of(lens.distortion.begin(), lens.distortion.end(),
+                                    [](double coefficient) { return coefficient == 0; });
+  if (!is_plain) {
+    const absl::StatusOr<Eigen::Vector2d> ray = Undistort(lens, pixel);
+    if (!ray.ok() || ray->norm() > std::tan(kWidestTheta)) return std::nullopt;
+    return *ray;
+  }
   const Eigen::Vector2d bent((pixel.x() - lens.cx_px) / lens.fx_px,
                              (pixel.y() - lens.cy_px) / lens.fy_px);
   if (lens.model != DistortionModel::kFisheye) return bent;
@@ -44,7 +52,7 @@ std::optional<RigidTransform> PoseFromHomography(const BoardView& view, const In
   Eigen::Matrix<double, 9, 9> sum = Eigen::Matrix<double, 9, 9>::Zero();
   size_t count = 0;
   for (const BoardCorner& corner : view.corners) {
-    const std::optional<Eigen::Vector2d> ray = PlainRay(lens, corner.pixel);
+    const std::optional<Eigen::Vector2d> ray = RayOf(lens, corner.pixel);
     if (!ray) continue;
     ++count;
     const Eigen::Vector3d plane((corner.x_in_board_m.x() - middle.x()) / size,
@@ -88,15 +96,10 @@ Intrinsics PlainLens(LensModel model, const ImageSize& image, double focal_px) {
   return lens;
 }
 
-// The pose, and the median error with it.
-struct PlacedBoard {
-  RigidTransform cam_from_board;
-  double error_px = kUnseenPx;
-};
+}  // namespace
 
 PlacedBoard PlaceBoard(LensModel model, const BoardView& view, const Intrinsics& lens) {
   PlacedBoard placed;
-  // Somewhere before the camera, for a view that cannot be placed: others may pull it right.
   placed.cam_from_board.translation_m = Eigen::Vector3d(0, 0, 1);
   const std::optional<RigidTransform> pose = PoseFromHomography(view, lens);
   if (!pose) return placed;
@@ -110,8 +113,6 @@ PlacedBoard PlaceBoard(LensModel model, const BoardView& view, const Intrinsics&
   placed.error_px = UpperMedian(CornerErrors(view, lens, placed.cam_from_board));
   return placed;
 }
-
-}  // namespace
 
 absl::StatusOr<LensEstimate> StartLens(LensModel model, const ImageSize& image_size_px,
                                        const std::vector<BoardView>& views) {

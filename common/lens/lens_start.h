@@ -4,7 +4,11 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/camera/intrinsics.h"
+#include "common/geometry/rigid_transform.h"
+#include "common/lens/board_view.h"
 #include "common/lens/lens_adjustment.h"
+#include "common/lens/lens_model.h"
 
 namespace rigcal {
 
@@ -15,5 +19,14 @@ namespace rigcal {
 // camera.
 absl::StatusOr<LensEstimate> StartLens(LensModel model, const ImageSize& image_size_px,
                                        const std::vector<BoardView>& views);
+
+// The board's pose in one view, and the median distance of its corners from their projections.
+struct PlacedBoard {
+  RigidTransform cam_from_board;
+  double error_px = kUnseenPx;
+};
+// With that lens. A board that cannot be placed is somewhere before the camera: other views may
+// pull the lens right.
+PlacedBoard PlaceBoard(LensModel model, const BoardView& view, const Intrinsics& lens);
 
 }  // namespace rigcal

@@ -2,7 +2,6 @@
 #include "common/lens/lens_uncertainty.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -16,7 +15,7 @@
 namespace rigcal {
 namespace {
 
-constexpr double kLeastEigenvalue = 1e-14;  // of an information matrix with ones in its diagonal
+constexpr double kLeastPivot = 1e-13;  // of an information matrix with ones in its diagonal
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -93,12 +92,12 @@ Eigen::MatrixXd CovarianceOf(const Eigen::MatrixXd& information) {
   const Eigen::VectorXd diagonal = information.diagonal();
   if (!(diagonal.size() > 0 && diagonal.minCoeff() > 0 && information.allFinite())) return {};
   const Eigen::VectorXd scale = diagonal.cwiseSqrt().cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scale.asDiagonal() * information *
-                                                              scale.asDiagonal());
-  if (solver.info() != Eigen::Success || solver.eigenvalues()[0] < kLeastEigenvalue) return {};
-  const Eigen::MatrixXd root = scale.asDiagonal() * solver.eigenvectors() *
-                               solver.eigenvalues().cwiseSqrt().cwiseInverse().asDiagonal();
-  return root * root.transpose();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  const Eigen::LDLT<Eigen::MatrixXd> factor(scaled);
+  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > kLeastPivot)) return {};
+  const Eigen::MatrixXd inverse =
+      factor.solve(Eigen::MatrixXd::Identity(information.rows(), information.cols()));
+  return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 
 }  // namespace rigcal

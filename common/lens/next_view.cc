@@ -18,18 +18,16 @@
 namespace rigcal {
 namespace {
 
-// How much of the image's width or height the board spans where it faces the camera in the middle.
-struct Distance {
-  const char* words;
-  double span;
-};
-constexpr std::array<Distance, 2> kDistances = {{{"near", 0.65}, {"far", 0.4}}};
+constexpr double kNearSpan = 0.65;     // of the image's width or height
+constexpr double kNearestShare = 0.6;  // of the board's diagonal; nearer, cameras are out of focus
+constexpr double kFarRatio = 1.6;      // of the near distance
 constexpr std::array<double, 2> kTiltsDeg = {30, 45};
 constexpr int kTiltDirections = 8;  // from the right side of the image on, clockwise
 constexpr std::array<const char*, kTiltDirections> kTiltedSides = {
     "right side", "lower right corner", "lower side", "lower left corner",
     "left side",  "upper left corner",  "upper side", "upper right corner"};
 
+constexpr int kPlaces = 9;           // 3 x 3
 constexpr double kMargin = 0.03;     // of the image, that a whole board keeps from its border
 constexpr double kPartMiddle = 0.2;  // of the image, from its border to the middle of a part
 constexpr double kLeastPart = 0.4;   // of the points of a board that need not be whole
@@ -53,16 +51,26 @@ std::string PlaceWords(const Place& place) {
   return absl::StrCat("at the ", vertical, " ", horizontal);
 }
 
-// `side` of kTiltedSides.
-std::string Words(const Place& place, const char* distance, int side, double tilt_deg) {
-  const std::string start = absl::StrCat("hold the board ", PlaceWords(place), ", ", distance);
-  if (tilt_deg == 0) return start + ", facing the camera";
-  return absl::StrFormat("%s, with its %s turned away from the camera by about %.0f degrees", start,
-                         kTiltedSides[static_cast<size_t>(side)], tilt_deg);
+NextView Held(const Place& place, bool is_near, double tilt_deg, int side) {
+  NextView next;
+  next.place_x = place.x;
+  next.place_y = place.y;
+  next.is_near = is_near;
+  next.tilt_deg = tilt_deg;
+  next.towards_deg = 360.0 * side / kTiltDirections;
+  next.words = absl::StrCat("hold the board ", PlaceWords(place), is_near ? ", near" : ", far");
+  if (tilt_deg == 0) {
+    next.words += ", facing the camera";
+  } else {
+    absl::StrAppendFormat(&next.words,
+                          ", with its %s turned away from the camera by about %.0f degrees",
+                          kTiltedSides[static_cast<size_t>(side)], tilt_deg);
+  }
+  return next;
 }
 
-// What a person does who has no lens yet.
-std::string FirstWords(size_t views) {
+// For whom has no lens yet.
+NextView FirstView(size_t views) {
   struct First {
     Place place;
     int side;
@@ -76,7 +84,16 @@ std::string FirstWords(size_t views) {
                                                    {{1, -1}, 2},
                                                    {{-1, 1}, 6}}};
   const First& first = kFirst[views % kFirst.size()];
-  return Words(first.place, kDistances[0].words, first.side, kTiltsDeg[0]);
+  return Held(first.place, true, kTiltsDeg[0], first.side);
+}
+
+// Of a board that faces the camera, turned as `next` says.
+Eigen::Quaterniond Turned(const NextView& next, const Eigen::Quaterniond& facing) {
+  const double towards = next.towards_deg * std::numbers::pi / 180;
+  const Eigen::Vector3d away(std::cos(towards), std::sin(towards), 0);
+  return Eigen::AngleAxisd(next.tilt_deg * std::numbers::pi / 180,
+                           away.cross(Eigen::Vector3d::UnitZ())) *
+         facing;
 }
 
 // The corners of the points' convex hull, counterclockwise in frame `board`.
@@ -174,6 +191,14 @@ class BoardInImage {
     return outline;
   }
 
+  bool IsInside(const RigidTransform& pose) const {
+    const auto outline = Outline(pose);
+    if (!outline) return false;
+    const Box box = BoxOf(*outline);
+    return (box.low.array() >= kMargin * border_px_.array()).all() &&
+           (box.high.array() <= (1 - kMargin) * border_px_.array()).all() && IsTrue(pose, *outline);
+  }
+
   // Beyond the part in which a model is monotone, a point has a pixel that is not its own.
   bool IsTrue(const RigidTransform& pose, const std::vector<Eigen::Vector2d>& outline) const {
     for (size_t i = 0; i < outline.size(); ++i) {
@@ -184,8 +209,8 @@ class BoardInImage {
     return true;
   }
 
-  // The distance at which the board spans that share of the image, in the middle.
-  std::optional<double> DistanceFor(double span, const Eigen::Quaterniond& facing) const {
+  // None: the lens does not show the middle of the image.
+  std::optional<double> DistanceFor(bool is_near, const Eigen::Quaterniond& facing) const {
     double near = kNearest * size_m_, far = kFarthest * size_m_;
     while (far > 1.01 * near) {
       const double between = std::sqrt(near * far);
@@ -195,43 +220,45 @@ class BoardInImage {
       bool is_small = false;
       if (outline) {
         const Box box = BoxOf(*outline);
-        is_small = ((box.high - box.low).array() / border_px_.array()).maxCoeff() < span;
+        is_small = ((box.high - box.low).array() / border_px_.array()).maxCoeff() < kNearSpan;
       }
       (is_small ? far : near) = between;
     }
-    return far;
+    return (is_near ? 1 : kFarRatio) * std::max(far, kNearestShare * size_m_);
   }
 
-  // At a place of the image: as far to that side as the board may be. None: it does not fit.
+  // At a place of the image: all of it, as far to that side as it may be; or a part of it, its
+  // middle beside the border. None: it does not fit.
   std::optional<RigidTransform> PoseAtPlace(const Place& place, double distance_m,
                                             const Eigen::Quaterniond& turned, bool is_whole) const {
-    const Eigen::Vector2d low = kMargin * border_px_, high = border_px_ - low;
-    Eigen::Vector2d pixel = 0.5 * border_px_;
-    for (int axis = 0; axis < 2; ++axis) {
-      const int side = axis == 0 ? place.x : place.y;
-      pixel[axis] += side * (0.5 - kPartMiddle) * border_px_[axis];
+    const Eigen::Vector2d side(place.x, place.y);
+    const auto at = [&](const Eigen::Vector2d& share) {
+      const Eigen::Vector2d pixel =
+          (0.5 * border_px_.array() * (1 + side.array() * share.array())).matrix();
+      return PoseAt(pixel, distance_m, turned);
+    };
+    if (!is_whole) {
+      const auto pose = at(Eigen::Vector2d::Constant(1 - 2 * kPartMiddle));
+      return pose && Outline(*pose) ? pose : std::nullopt;
     }
-    for (int step = 0;; ++step) {
-      const std::optional<RigidTransform> pose = PoseAt(pixel, distance_m, turned);
-      if (!pose) return std::nullopt;
-      const auto outline = Outline(*pose);
-      if (!outline) return std::nullopt;
-      const Box box = BoxOf(*outline);
-      if (step == kPlacingSteps) {
-        const bool is_in =
-            (box.low.array() >= 0).all() && (box.high.array() <= border_px_.array()).all();
-        if (is_whole && !(is_in && IsTrue(*pose, *outline))) return std::nullopt;
-        return pose;
+    const auto fits = [&](const Eigen::Vector2d& share) {
+      const auto pose = at(share);
+      return pose && IsInside(*pose);
+    };
+    // To both sides alike, then to each as far as there is room.
+    Eigen::Vector2d share = Eigen::Vector2d::Zero();
+    if (!fits(share)) return std::nullopt;
+    for (const Eigen::Vector2d& step :
+         {Eigen::Vector2d(1, 1), Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
+      if (step.cwiseProduct(side).isZero()) continue;
+      double low = 0, high = 1;
+      for (int i = 0; i < kPlacingSteps; ++i) {
+        const double between = 0.5 * (low + high);
+        (fits((share + between * step).cwiseMin(1)) ? low : high) = between;
       }
-      for (int axis = 0; axis < 2; ++axis) {
-        const int side = axis == 0 ? place.x : place.y;
-        double move = 0.5 * (low[axis] + high[axis] - box.low[axis] - box.high[axis]);
-        if (side < 0) move = low[axis] - box.low[axis];
-        if (side > 0) move = high[axis] - box.high[axis];
-        if (!is_whole && side != 0) move = 0;
-        pixel[axis] = std::clamp(pixel[axis] + move, 0.0, border_px_[axis]);
-      }
+      share = (share + low * step).cwiseMin(1);
     }
+    return at(share);
   }
 
   // What would be seen.
@@ -265,64 +292,76 @@ class BoardInImage {
 
 }  // namespace
 
+std::optional<RigidTransform> PoseOf(const NextView& next,
+                                     const std::vector<Eigen::Vector3d>& points_m,
+                                     const Intrinsics& lens, const ImageSize& image_size_px,
+                                     const std::vector<BoardView>& views, bool is_whole) {
+  const BoardInImage board(points_m, lens, image_size_px);
+  const Eigen::Quaterniond facing = FacingRotation(views);
+  const std::optional<double> distance_m = board.DistanceFor(next.is_near, facing);
+  if (!distance_m) return std::nullopt;
+  return board.PoseAtPlace({next.place_x, next.place_y}, *distance_m, Turned(next, facing),
+                           is_whole);
+}
+
 NextView AdviseNextView(const std::vector<Eigen::Vector3d>& points_m,
                         const ImageSize& image_size_px, const std::vector<BoardView>& views,
                         const LensSolution* solution, bool is_whole) {
-  NextView next;
-  next.words = FirstWords(views.size());
-  if (solution == nullptr || CovarianceOf(solution->information).size() == 0) return next;
+  NextView best = FirstView(views.size());
+  if (solution == nullptr || CovarianceOf(solution->information).size() == 0) return best;
   // A part of a large board's points stands for all of them.
   const size_t stride = (points_m.size() + kMostPoints - 1) / kMostPoints;
   std::vector<Eigen::Vector3d> some_m;
   for (size_t i = 0; i < points_m.size(); i += stride) some_m.push_back(points_m[i]);
-  const double weight = static_cast<double>(points_m.size()) / static_cast<double>(some_m.size());
+  const auto some_count = static_cast<double>(some_m.size());
+  const double variance_px2 = std::pow(std::max(solution->noise_px, kLeastNoisePx), 2);
+  const double weight = static_cast<double>(points_m.size()) / some_count / variance_px2;
 
   const BoardInImage whole(points_m, solution->intrinsics, image_size_px);
   const BoardInImage some(some_m, solution->intrinsics, image_size_px);
   const LensSensitivity sensitivity(solution->model, solution->intrinsics, image_size_px);
   const Eigen::Quaterniond facing = FacingRotation(views);
-  const double variance_px2 = std::pow(std::max(solution->noise_px, kLeastNoisePx), 2);
+  LensAdjustmentOptions no_steps;
+  no_steps.max_steps = 0;
   double least = std::numeric_limits<double>::infinity();
-  for (const Distance& distance : kDistances) {
-    const std::optional<double> distance_m = whole.DistanceFor(distance.span, facing);
+  const auto consider = [&](NextView next, double distance_m, bool fits) {
+    const auto pose =
+        whole.PoseAtPlace({next.place_x, next.place_y}, distance_m, Turned(next, facing), fits);
+    if (!pose) return;
+    const BoardView seen = some.Seen(*pose);
+    const double least_seen = fits ? some_count : kLeastPart * some_count;
+    if (static_cast<double>(seen.corners.size()) < least_seen) return;
+    const LensAdjustment alone = AdjustLens(
+        {seen},
+        {.model = solution->model, .intrinsics = solution->intrinsics, .cam_from_board = {*pose}},
+        no_steps);
+    const Eigen::MatrixXd covariance =
+        CovarianceOf(solution->information + weight * alone.information);
+    const double variance = sensitivity.MeanVariance(covariance);
+    if (!(variance < least)) return;
+    least = variance;
+    best = std::move(next);
+    best.cam_from_board = *pose;
+    best.outline_px = *whole.Outline(*pose);
+    best.expected_p95_px = sensitivity.Of(covariance).p95_px;
+  };
+  for (const bool is_near : {true, false}) {
+    const std::optional<double> distance_m = whole.DistanceFor(is_near, facing);
     if (!distance_m) continue;
-    for (int turn = 0; turn <= kTiltDirections * static_cast<int>(kTiltsDeg.size()); ++turn) {
-      const int side = turn % kTiltDirections;
-      const double tilt_deg = turn == kTiltDirections * static_cast<int>(kTiltsDeg.size())
-                                  ? 0
-                                  : kTiltsDeg[static_cast<size_t>(turn / kTiltDirections)];
-      const double towards = 2 * std::numbers::pi * side / kTiltDirections;
-      const Eigen::Vector3d away(std::cos(towards), std::sin(towards), 0);
-      const Eigen::Quaterniond turned = Eigen::AngleAxisd(tilt_deg * std::numbers::pi / 180,
-                                                          away.cross(Eigen::Vector3d::UnitZ())) *
-                                        facing;
-      for (int place_index = 0; place_index < (is_whole ? 9 : 18); ++place_index) {
-        const Place place{place_index % 3 - 1, place_index / 3 % 3 - 1};
-        const auto pose = whole.PoseAtPlace(place, *distance_m, turned, place_index < 9);
-        if (!pose) continue;
-        const BoardView seen = some.Seen(*pose);
-        const auto all = static_cast<double>(some_m.size());
-        if (static_cast<double>(seen.corners.size()) < (is_whole ? 1 : kLeastPart) * all) continue;
-        LensAdjustmentOptions no_steps;
-        no_steps.max_steps = 0;
-        const LensAdjustment alone = AdjustLens({seen},
-                                                {.model = solution->model,
-                                                 .intrinsics = solution->intrinsics,
-                                                 .cam_from_board = {*pose}},
-                                                no_steps);
-        const Eigen::MatrixXd covariance =
-            CovarianceOf(solution->information + weight / variance_px2 * alone.information);
-        const double variance = sensitivity.MeanVariance(covariance);
-        if (!(variance < least)) continue;
-        least = variance;
-        next.words = Words(place, distance.words, side, tilt_deg);
-        next.cam_from_board = *pose;
-        next.outline_px = *whole.Outline(*pose);
-        next.expected_p95_px = sensitivity.Of(covariance).p95_px;
+    for (int at = 0; at < kPlaces; ++at) {
+      const Place place{at % 3 - 1, at / 3 - 1};
+      for (const bool fits : {true, false}) {
+        if (!fits && is_whole) continue;
+        consider(Held(place, is_near, 0, 0), *distance_m, fits);
+        for (const double tilt_deg : kTiltsDeg) {
+          for (int side = 0; side < kTiltDirections; ++side) {
+            consider(Held(place, is_near, tilt_deg, side), *distance_m, fits);
+          }
+        }
       }
     }
   }
-  return next;
+  return best;
 }
 
 }  // namespace rigcal

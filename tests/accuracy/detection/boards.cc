@@ -19,6 +19,7 @@
 #include "common/lens/circle_image.h"
 #include "common/lens/lens_solver.h"
 #include "common/statistics/robust_statistics.h"
+#include "tests/accuracy/detection/board_guidance.h"
 #include "tests/accuracy/detection/board_rates.h"
 #include "tests/accuracy/detection/detection_experiments.h"
 #include "tests/accuracy/detection/event_boards.h"
@@ -277,6 +278,7 @@ int RunBoards(const SeedOptions& seeds) {
   if (is_wanted("points")) PrintPoints(seeds);
   if (is_wanted("rates")) PrintBoardRates(seeds);
   if (is_wanted("lenses")) PrintLenses(seeds);
+  if (is_wanted("guidance")) PrintBoardGuidance(seeds);
   if (is_wanted("rig")) PrintRig(seeds);
   // Minutes for each case, so only where it is asked for: "events", "events OLED".
   if (seeds.only.starts_with("events")) {
@@ -291,8 +293,9 @@ int RunBoards(const SeedOptions& seeds) {
 Experiment Boards() {
   SeedOptions defaults;
   defaults.count = 20;
-  return SeedExperiment("boards", "points of printed boards, lenses from them, and rigs", defaults,
-                        RunBoards);
+  return SeedExperiment("boards",
+                        "points of printed boards, lenses from them, views that they need, rigs",
+                        defaults, RunBoards);
 }
 
 }  // namespace rigcal::accuracy

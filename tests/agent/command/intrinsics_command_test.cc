@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -27,6 +28,7 @@ namespace {
 
 using namespace rigcal::testing;  // the known lens
 using ::testing::HasSubstr;
+using ::testing::Not;
 namespace fs = std::filesystem;
 
 constexpr double kLensBlurPx = 0.7;
@@ -104,8 +106,9 @@ TEST(IntrinsicsCommand, FindsAFisheyeFromAFolderOfPictures) {
 TEST(IntrinsicsCommand, FindsTheLensOfASimulatedCamera) {
   const TemporaryDirectory folder;
   const std::string file = folder.path() / "lens.yaml";
-  const Outcome outcome = RunIntrinsics({"sim:camera=1;pixels=1;near=1;rate=2;duration=20;speed=max",
-                                         "--board", "board:checker,9x6,0.04", "--output", file});
+  const Outcome outcome =
+      RunIntrinsics({"sim:camera=1;pixels=1;near=1;rate=2;duration=20;speed=max", "--board",
+                     "board:checker,9x6,0.04", "--output", file});
   ASSERT_THAT(outcome.status, IsOk());
   const auto world = SimulatedWorld::Create(*ParseSimulationOptions("rate=2;duration=20"),
                                             *ParseTarget("wand:0,0.13,0.39"));
@@ -133,6 +136,59 @@ TEST(IntrinsicsCommand, NamesFilesThatAreNoPictureOfTheCamera) {
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("small.png is 160x120 pixels"), HasSubstr("torn.png")));
 }
 
+// As of a video: a line after each view says where to hold the board next, until it is enough.
+TEST(IntrinsicsCommand, GuidesUntilTheLensIsKnown) {
+  const TemporaryDirectory folder;
+  const Board board = *ParseBoard("board:checker,9x6,0.025");
+  const Intrinsics lens = KnownPinhole();
+  Render(board, lens, WavedBoard(board, lens, kKnownImage, 24, 0.3, 0.4, 0.7, 5, 0.35),
+         folder.path() / "left");
+  const std::string file = folder.path() / "lens.yaml", map = folder.path() / "map.png";
+  std::vector<std::string> command = {
+      "left=images:" + (folder.path() / "left").string() + ";fps=10",
+      "--board",
+      FormatBoard(board),
+      "--output",
+      file,
+      "--map",
+      map,
+      "--until-px",
+      "0.3"};
+  const Outcome guided = RunIntrinsics(command);
+  ASSERT_THAT(guided.status, IsOk());
+  SCOPED_TRACE(guided.out);
+  EXPECT_THAT(guided.out, ::testing::StartsWith("first: hold the board in the middle, near, with"));
+  EXPECT_THAT(guided.out, HasSubstr("view 3 of 40\n  next: hold the board in the middle"));
+  EXPECT_THAT(guided.out, HasSubstr("view 7 of 40: 95 % of the image are known within "));
+  EXPECT_THAT(guided.out, HasSubstr("which is enough\n"));
+  EXPECT_THAT(guided.out, HasSubstr(" px (95 % of the image) by noise alone\n"));
+  const cv::Mat picture = cv::imread(map);
+  EXPECT_EQ(picture.rows, 720);  // 4 by 3, with the scale beside it
+  EXPECT_GT(picture.cols, 960);
+
+  // No camera is this good: all views are taken, and that it was not reached is said.
+  command.back() = "0.0001";
+  command.insert(command.end(), {"--force", "-o", "json"});
+  const Outcome all = RunIntrinsics(command);
+  ASSERT_THAT(all.status, IsOk());
+  const nlohmann::json json = nlohmann::json::parse(all.out);
+  EXPECT_THAT(guided.out, Not(HasSubstr("pictures      " + json["pictures"].dump())));
+  EXPECT_THAT(json["advice"].back().get<std::string>(),
+              HasSubstr("not within the 0.0001 px of --until-px: hold the board "));
+  EXPECT_EQ(json["uncertainty_map_px"]["columns"], 30);
+  EXPECT_EQ(json["uncertainty_map_px"]["rows"], 24);
+  ASSERT_EQ(json["uncertainty_map_px"]["values"].size(), 720u);
+  double most = 0;
+  for (const auto& value : json["uncertainty_map_px"]["values"]) {
+    if (!value.is_null()) most = std::max(most, value.get<double>());
+  }
+  EXPECT_GE(most, json["uncertainty"]["p95_px"].get<double>());
+  EXPECT_GT(json["uncertainty"]["median_px"].get<double>(), 0);
+  const auto difference = CompareLenses(lens, ReadIntrinsicsFile(file)->intrinsics, kKnownImage);
+  ASSERT_THAT(difference, IsOk());
+  EXPECT_LT(difference->p95_px, 0.3);
+}
+
 TEST(IntrinsicsCommand, NamesTheBoardThatIsThere) {
   const TemporaryDirectory folder;
   const Board board = *ParseBoard("board:checker,8x5,0.025");
@@ -157,6 +213,11 @@ TEST(IntrinsicsCommand, RefusesWhatIsTypedWrong) {
       RunIntrinsics({"x", "--board", "board:checker,9x6,0.025", "--output", file, "--views", "4"})
           .status,
       StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("--views 4 are too few")));
+  EXPECT_THAT(RunIntrinsics({folder.path().string(), "--board", "board:checker,9x6,0.025",
+                             "--output", file, "--until-px", "0.2"})
+                  .status,
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       HasSubstr("--until-px is of a camera or a video")));
   EXPECT_THAT(RunIntrinsics({(folder.path() / "none").string(), "--board",
                              "board:checker,9x6,0.025", "--output", file})
                   .status,

@@ -13,7 +13,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kLongSide = 960;  // of the map
-constexpr int kLegend = 150;    // width
+constexpr int kLegend = 180;    // width
 constexpr int kBarWidth = 24;
 constexpr int kTicks = 4;
 const cv::Scalar kInk(40, 40, 40), kPaper(255, 255, 255), kNoRay(128, 128, 128);
@@ -49,15 +49,14 @@ absl::StatusOr<std::string> DrawLensMap(const BoardViews& views, const LensSolut
   }
   cv::Mat sigmas(LensDifference::kRows, LensDifference::kColumns, CV_32F);
   cv::Mat has_ray(sigmas.size(), CV_8U);
-  double most_px = 0;
   for (int i = 0; i < static_cast<int>(sigmas.total()); ++i) {
     const double sigma = uncertainty.map_px[static_cast<size_t>(i)];
     const int row = i / sigmas.cols, column = i % sigmas.cols;
     sigmas.at<float>(row, column) = std::isfinite(sigma) ? static_cast<float>(sigma) : 0;
     has_ray.at<uint8_t>(row, column) = std::isfinite(sigma) ? 255 : 0;
-    if (std::isfinite(sigma)) most_px = std::max(most_px, sigma);
   }
-  const double top_px = RoundUp(most_px);
+  // The corners of the image may be far worse than the rest.
+  const double top_px = RoundUp(uncertainty.p95_px);
   const double scale = static_cast<double>(kLongSide) /
                        std::max(views.image_size_px.width, views.image_size_px.height);
   const cv::Size size(
@@ -96,7 +95,7 @@ absl::StatusOr<std::string> DrawLensMap(const BoardViews& views, const LensSolut
         .copyTo(picture(cv::Rect(left, row, kBarWidth, 1)));
   }
   for (int tick = 0; tick <= kTicks; ++tick) {
-    Write(absl::StrFormat("%.3g", top_px * tick / kTicks),
+    Write(absl::StrFormat("%.3g%s", top_px * tick / kTicks, tick == kTicks ? " and more" : ""),
           {left + kBarWidth + 8, bottom - (bottom - top) * tick / kTicks + 5}, &picture);
   }
   Write(absl::StrFormat("95 %%: %.3f", uncertainty.p95_px), {left, bottom + 28}, &picture);

@@ -15,6 +15,8 @@ namespace {
 constexpr int64_t kSliceUs = 2 * EventRenderer::kCellUs;
 constexpr uint32_t kWidthPx = 1280, kHeightPx = 720;
 constexpr double kPlaceS = 1, kRestShare = 0.6;  // of a board that is held, at each place
+// Reflected by its screen, of the light of its white: a room with its lamps on.
+constexpr double kScreenAmbient = 0.3;
 
 // Of the frame camera that could stand there.
 Intrinsics EventLens(const Intrinsics& lens, const ImageSize& size) {
@@ -102,7 +104,9 @@ absl::Status SimulatedEventSource::StartBoard(const Target& target) {
   }
   EventRenderOptions rendering = options_.rendering;
   rendering.seed = rendering.seed * 1013 + static_cast<uint32_t>(options_.camera_index);
-  board_.emplace(board, lens, description_.image_size_px, EventBoardLight(), rendering,
+  EventBoardLight light;
+  light.ambient = kScreenAmbient;
+  board_.emplace(board, lens, description_.image_size_px, light, rendering,
                  HandHeld(std::move(poses), kPlaceS, kRestShare));
   board_us_ = 0;
   return absl::OkStatus();

@@ -11,8 +11,7 @@
 namespace rigcal {
 namespace {
 
-constexpr double kReach = 0.28;                          // of the image, to each side
-constexpr double kLeastShare = 0.35, kMostShare = 0.55;  // of the image's width, by the board
+constexpr double kLeastShare = 0.35, kMostShare = 0.55;  // of the image, by the board
 constexpr double kLeastTiltRad = 0.44, kMostTiltRad = 0.79;
 constexpr double kMostRollRad = 0.5;
 // No two have a common multiple within minutes.
@@ -39,15 +38,15 @@ RigidTransform HeldBoard(const Board& board, const Intrinsics& lens, const Image
     high_m = high_m.cwiseMax(point);
   }
   const Eigen::Vector3d middle_m = 0.5 * (low_m + high_m);
-  const Eigen::Vector2d size_px(image_size_px.width, image_size_px.height);
-  const Eigen::Vector2d pixel =
-      size_px.cwiseProduct(Eigen::Vector2d(0.5 + kReach * Swing(time_s, kAcrossS, phase),
-                                           0.5 + kReach * Swing(time_s, kDownS, 1.7 * phase)));
-  const auto undistorted = Undistort(lens, pixel);
-  const Eigen::Vector2d ray = undistorted.ok() ? *undistorted : Eigen::Vector2d(0, 0);
+  const Eigen::Array2d size_px(image_size_px.width, image_size_px.height);
   const double share = Between(kLeastShare, kMostShare, Swing(time_s, kNearS, 2.3 * phase));
-  const double distance_m =
-      lens.fx_px * (high_m - low_m).head<2>().maxCoeff() / (share * size_px.x());
+  // All of it stays in the image.
+  const double reach = 0.5 * (1 - share);
+  const Eigen::Array2d swing(Swing(time_s, kAcrossS, phase), Swing(time_s, kDownS, 1.7 * phase));
+  const auto undistorted = Undistort(lens, (size_px * (0.5 + reach * swing)).matrix());
+  const Eigen::Vector2d ray = undistorted.ok() ? *undistorted : Eigen::Vector2d(0, 0);
+  const Eigen::Array2d extent_m = (high_m - low_m).head<2>();
+  const double distance_m = lens.fx_px * (extent_m / (share * size_px)).maxCoeff();
   const double tilt = Between(kLeastTiltRad, kMostTiltRad, Swing(time_s, kTiltS, 3.1 * phase));
   const double towards = 2 * std::numbers::pi * (time_s / kTowardsS + phase);
   RigidTransform pose;

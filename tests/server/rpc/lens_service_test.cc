@@ -84,7 +84,9 @@ TEST_F(LensService, SaysWhatIsMissing) {
   EXPECT_THAT(Get(""), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("camera")));
   EXPECT_THAT(Get("top"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("it has left")));
   EXPECT_THAT(Get("left", "s-none"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("s-none")));
-  StartWave({"left"});
+  Session wave = CapturingSession({"left"});
+  wave.id = "wave";
+  ASSERT_THAT(store().CreateSession(wave), IsOk());
   EXPECT_THAT(Get("left", "wave"),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("is no board")));
 }

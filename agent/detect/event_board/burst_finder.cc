@@ -11,6 +11,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr double kLeastNet = 150;     // events: of 40 circles of some pixels
+constexpr double kOverNoise = 6;      // over the root of the number of events
 constexpr double kLeastShare = 0.35;  // of the recent bursts
 constexpr double kFootShare = 0.1;    // of its height, where a burst begins and ends
 constexpr double kLevelMs = 2000;     // time constant in which recent bursts are forgotten
@@ -22,15 +23,20 @@ constexpr double kFlickerOverNoise = 40;  // in power, over the median
 
 }  // namespace
 
-std::optional<Burst> BurstFinder::Take(int64_t time_ms, int net) {
+std::optional<Burst> BurstFinder::Take(int64_t time_ms, size_t events, int net) {
   sum_ += net;
-  if (sums_.size() >= kBoxMs) sum_ -= sums_[sums_.size() - kBoxMs].net;
-  sums_.push_back({time_ms, net, sum_});
+  events_ += static_cast<double>(events);
+  if (sums_.size() >= kBoxMs) {
+    sum_ -= sums_[sums_.size() - kBoxMs].net;
+    events_ -= sums_[sums_.size() - kBoxMs].events;
+  }
+  sums_.push_back({time_ms, static_cast<double>(events), net, sum_});
   if (sums_.size() > 2 * kMostMs) sums_.pop_front();
   level_ *= std::exp(-1 / kLevelMs);
   if (sign_ == 0) {
     if (!is_armed_) is_armed_ = std::abs(sum_) < kFootShare * level_;
-    if (!is_armed_ || std::abs(sum_) < std::max(kLeastNet, kLeastShare * level_)) {
+    if (!is_armed_ || std::abs(sum_) < std::max({kLeastNet, kLeastShare * level_,
+                                                 kOverNoise * std::sqrt(events_)})) {
       return std::nullopt;
     }
     sign_ = sum_ > 0 ? 1 : -1;

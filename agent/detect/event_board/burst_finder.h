@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <optional>
@@ -18,14 +19,16 @@ struct Burst {
 // Finds bursts in how many more pixels became brighter than darker, millisecond by millisecond. A
 // screen draws from top to bottom in a refresh and its crystals take 5 to 15 ms, so that a burst
 // lasts 5 to 40 ms; 10 ms are summed, which takes lamps at 100 Hz out. What moves has as many
-// bright edges as dark ones. A burst counts from a third of the recent ones' height on.
+// bright edges as dark ones. A burst counts from a third of the recent ones' height on, and
+// from six times what as many events of noise would do.
 class BurstFinder {
  public:
   // Behind the last of a burst it takes so many milliseconds at most until it is told.
   static constexpr int kMostMs = 100;
 
-  // The next millisecond. A burst that ended now.
-  std::optional<Burst> Take(int64_t time_ms, int net);
+  // The next millisecond: its events, and how many more of them became brighter. A burst that ended
+  // now.
+  std::optional<Burst> Take(int64_t time_ms, size_t events, int net);
 
   uint64_t bursts() const { return bursts_; }
   // Changes that come sooner than a screen can blink, as of a lamp.
@@ -37,15 +40,16 @@ class BurstFinder {
   static constexpr int kBoxMs = 10;
   struct Sum {
     int64_t time_ms = 0;
+    double events = 0;
     int net = 0;
-    double sum = 0;
+    double sum = 0;  // of net, of the last kBoxMs
   };
   std::optional<Burst> End(int64_t time_ms);
 
   std::deque<Sum> sums_;
-  double sum_ = 0;    // of the last kBoxMs
-  double level_ = 0;  // of recent bursts
-  int sign_ = 0;      // of the burst that goes on; 0: there is none
+  double sum_ = 0, events_ = 0;  // of the last kBoxMs
+  double level_ = 0;             // of recent bursts
+  int sign_ = 0;                 // of the burst that goes on; 0: there is none
   double peak_ = 0;
   int64_t peak_ms_ = 0;
   bool is_armed_ = true;

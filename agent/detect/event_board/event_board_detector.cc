@@ -112,7 +112,8 @@ struct EventBoardDetector::Impl {
     }
     for (; *next_ms <= until_ms; ++*next_ms) {
       const EventBin* const bin = bins.At(*next_ms);
-      const auto burst = finder.Take(*next_ms, bin == nullptr ? 0 : bin->net);
+      const auto burst = bin == nullptr ? finder.Take(*next_ms, 0, 0)
+                                        : finder.Take(*next_ms, bin->events.size(), bin->net);
       if (bin != nullptr) {
         for (const PackedEvent& event : bin->events) filter.Take(event);
         recent_events += bin->events.size();

@@ -130,7 +130,7 @@ TEST_F(EventIntrinsics, SaysThatTheScreenIsTooSmall) {
 TEST_F(EventIntrinsics, RefusesTooFewViewsAndAChessboard) {
   Record(kText, {}, Still(kText, 0.5), 1);
   EXPECT_THAT(Run({"--board", kText}),
-              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("view")));
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("at least 6 pictures")));
   EXPECT_THAT(Run({"--board", "board:checker,9x6,0.02"}),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("board of circles"), HasSubstr("/pattern"))));

@@ -91,7 +91,7 @@ case "${1:-}" in
       source="sim:camera=$camera;cameras=3;near=1;pixels=1;rate=2;duration=20;speed=max"
       if [ "$camera" = 2 ]; then
         board=board:circles,4x11,0.0235,0.01828
-        source="sim:camera=2;cameras=3;near=1;events=1;duration=40;speed=max"
+        source="sim:camera=2;cameras=3;near=1;events=1;duration=30;speed=max"
       fi
       say "" "the lens of sim_$camera, from $board:"
       "$root/build/release/bin/rigcal-agent" intrinsics "sim_$camera=$source" --board "$board" \

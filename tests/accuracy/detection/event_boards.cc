@@ -125,8 +125,9 @@ EventBoardResult Calibrate(const EventBoardCase& how, int seed) {
       testing::EventBoardScene(board, lens, kImage, light, pixels, path), kWatchedS);
   EventBoardResult result;
   const auto pictures = agent::PicturesOfEvents(board, std::move(source));
-  const auto views = agent::CollectBoardViews(board, {.views = 40, .only_different = true},
-                                              pictures->get(), [](const agent::BoardViews&) {});
+  const auto views =
+      agent::CollectBoardViews(board, {.views = 40, .only_different = true}, pictures->get(),
+                               [](const agent::BoardViews&) { return true; });
   if (!views.ok()) {
     result.refused = std::string(views.status().message());
     return result;

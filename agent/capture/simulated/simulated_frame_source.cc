@@ -16,9 +16,9 @@ constexpr double kBoardBlurPx = 0.7, kBoardNoiseGrey = 1.5;  // of a camera that
 
 void AddOptions(SimulatedFrameSourceOptions* options, OptionTable* table) {
   AddOptions(static_cast<SimulatedCameraOptions*>(options), table);
-  AddOptions(&options->rendering, table);
   table->Add("near", &options->held_before,
              "of a board: it is held right before this camera, as for its lens");
+  AddOptions(&options->rendering, table);
 }
 
 absl::StatusOr<std::unique_ptr<SimulatedFrameSource>> SimulatedFrameSource::Create(

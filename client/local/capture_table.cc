@@ -14,8 +14,6 @@ namespace rigcal::client {
 namespace {
 
 constexpr size_t kLineColumns = 79;
-// Of its observations, that show the target: a camera with fewer has a reason for it.
-constexpr double kFewShare = 0.1;
 
 // " 43 %", or nothing.
 std::string ShareText(const v1::Session& session, const std::vector<LocalCamera>& cameras) {
@@ -30,23 +28,6 @@ std::string ShareText(const v1::Session& session, const std::vector<LocalCamera>
     seen += std::min(camera.expected_count, delivered[camera.name]);
   }
   return expected == 0 ? "" : absl::StrCat(" ", 100 * seen / expected, " %");
-}
-
-// Why a camera has so few views of the target: what its agent and the server refused.
-std::string Refusals(const v1::Session& session) {
-  std::string text;
-  for (const v1::SessionCamera& camera : session.cameras()) {
-    const bool saw_little = static_cast<double>(camera.wand_count()) <
-                            kFewShare * static_cast<double>(camera.observation_count());
-    for (const v1::RefusalCount& refusal : camera.refused()) {
-      const bool is_lost = refusal.reason() == v1::REFUSAL_REASON_FRAME_UNREADABLE ||
-                           refusal.reason() == v1::REFUSAL_REASON_FRAME_WRONG_SIZE;
-      if (refusal.example().empty() || !(saw_little || is_lost)) continue;
-      absl::StrAppend(&text, "  ", camera.description().camera(), ": ", EnumWord(refusal.reason()),
-                      ", ", refusal.count(), " times: ", refusal.example(), "\n");
-    }
-  }
-  return text;
 }
 
 }  // namespace
@@ -93,7 +74,7 @@ std::string FormatCapture(const LocalOutcome& outcome, double duration_s) {
     absl::StrAppend(&head, " ", FormatFixed(duration_s, 1), " s of waving in ",
                     FormatDuration(outcome.capture_s), ", one agent for each camera");
   }
-  return absl::StrCat(head, "\n", table.Format(2), Refusals(outcome.session), "\n");
+  return absl::StrCat(head, "\n", table.Format(2), "\n");
 }
 
 }  // namespace rigcal::client

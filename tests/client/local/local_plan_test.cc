@@ -16,6 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
+using ::rigcal::testing::TemporaryDirectory;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;

@@ -5,6 +5,7 @@
 #include <map>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -16,7 +17,7 @@ namespace {
 constexpr int kSmallPx = 640;  // a chessboard is told at this size
 constexpr int kLeastCheckerCorners = 3;
 
-// By how much columns and rows of circles may be off, with the likeliest first.
+// By how much columns and rows may be off, with the likeliest first.
 constexpr std::pair<int, int> kOtherCounts[] = {{-1, -1}, {1, 1}, {-1, 0}, {0, -1},
                                                 {1, 0},   {0, 1}, {1, -1}, {-1, 1}};
 
@@ -35,16 +36,19 @@ int CountFound(const Board& board, const std::vector<cv::Mat>& pictures) {
   return found;
 }
 
-// The chessboard in a picture, whatever its counts, the larger one first. {0, 0}: none.
-std::pair<int, int> CheckerIn(const cv::Mat& picture) {
-  cv::Mat grey;
-  if (picture.channels() == 1) {
-    grey = picture;
-  } else {
-    cv::cvtColor(picture, grey, cv::COLOR_BGR2GRAY);
-  }
+cv::Mat SmallGrey(const cv::Mat& picture) {
+  cv::Mat grey = picture;
+  if (picture.channels() != 1) cv::cvtColor(picture, grey, cv::COLOR_BGR2GRAY);
   const double scale = static_cast<double>(kSmallPx) / std::max(grey.cols, grey.rows);
-  if (scale < 1) cv::resize(grey, grey, {}, scale, scale, cv::INTER_AREA);
+  if (scale >= 1) return grey;
+  cv::Mat small;
+  cv::resize(grey, small, {}, scale, scale, cv::INTER_AREA);
+  return small;
+}
+
+// The chessboard in a picture, whatever its counts, the larger one first; now and then it is a part
+// of it only. {0, 0}: none.
+std::pair<int, int> CheckerIn(const cv::Mat& grey) {
   std::vector<cv::Point2f> corners;
   cv::Mat meta;  // as large as the board that was found
   const bool found =
@@ -56,15 +60,30 @@ std::pair<int, int> CheckerIn(const cv::Mat& picture) {
 
 std::optional<CountsGuess> GuessChecker(const Board& board, const std::vector<cv::Mat>& pictures) {
   std::map<std::pair<int, int>, int> seen;
-  for (const cv::Mat& picture : pictures) ++seen[CheckerIn(picture)];
-  seen.erase({0, 0});
+  for (const cv::Mat& picture : pictures) {
+    const cv::Mat grey = SmallGrey(picture);
+    std::set<std::pair<int, int>> here = {CheckerIn(grey)};
+    if (here.contains({0, 0})) continue;  // there is none of any counts
+    for (const auto& [columns, rows] : kOtherCounts) {
+      const cv::Size size(board.columns + columns, board.rows + rows);
+      std::vector<cv::Point2f> corners;
+      if (std::min(size.width, size.height) >= kLeastCheckerCorners &&
+          cv::findChessboardCornersSB(grey, size, corners, cv::CALIB_CB_NORMALIZE_IMAGE)) {
+        here.insert({std::max(size.width, size.height), std::min(size.width, size.height)});
+      }
+    }
+    for (const auto& counts : here) ++seen[counts];
+  }
   std::optional<CountsGuess> best;
   for (const auto& [counts, times] : seen) {
     Board other = board;
     std::tie(other.columns, other.rows) = counts;
     if (board.columns < board.rows) std::swap(other.columns, other.rows);
-    // The map has larger ones later.
-    if (other.Validate().ok() && (!best || times >= best->pictures)) best = {other, times};
+    if (!other.Validate().ok()) continue;
+    if (!best || times > best->pictures ||
+        (times == best->pictures && other.point_count() > best->board.point_count())) {
+      best = {other, times};
+    }
   }
   // A part of the board that was said is no other board.
   const bool is_part = best && best->board.columns <= board.columns &&

@@ -38,6 +38,12 @@ void AddOptions(SimulatedCameraOptions* options, OptionTable* table) {
   AddOptions(&options->simulation, table);
 }
 
+void AddNear(bool* held_before, OptionTable* table) {
+  table->Add("near", held_before,
+             "a board is held right before this camera, for its lens; before an event camera "
+             "circles on a screen that blinks");
+}
+
 absl::Status SimulatedCameraOptions::Validate(FaultList faults) const {
   if (camera.empty()) faults.Add("the camera's name is empty");
   faults.Add(simulation.Validate());

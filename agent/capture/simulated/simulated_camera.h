@@ -34,6 +34,9 @@ struct SimulatedCameraOptions {
 
 void AddOptions(SimulatedCameraOptions* options, OptionTable* table);
 
+// `near`, of the cameras that show a board.
+void AddNear(bool* held_before, OptionTable* table);
+
 // The world of these options, as long as anybody holds it. It holds a whole trajectory; several
 // cameras of one process look at the same one. Any thread.
 absl::StatusOr<std::shared_ptr<const SimulatedWorld>> SharedWorld(const SimulationOptions& options,

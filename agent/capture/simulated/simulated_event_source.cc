@@ -33,8 +33,7 @@ Intrinsics EventLens(const Intrinsics& lens, const ImageSize& size) {
 
 void AddOptions(SimulatedEventSourceOptions* options, OptionTable* table) {
   AddOptions(static_cast<SimulatedCameraOptions*>(options), table);
-  table->Add("near", &options->held_before,
-             "of a board of circles: it blinks on a screen right before this camera, for its lens");
+  AddNear(&options->held_before, table);
   AddOptions(&options->scene, table);
   AddOptions(&options->rendering, table);
   table->Add("clock", &options->clock_id, "NAME", "shared by sensors on one sync cable");

@@ -16,8 +16,7 @@ constexpr double kBoardBlurPx = 0.7, kBoardNoiseGrey = 1.5;  // of a camera that
 
 void AddOptions(SimulatedFrameSourceOptions* options, OptionTable* table) {
   AddOptions(static_cast<SimulatedCameraOptions*>(options), table);
-  table->Add("near", &options->held_before,
-             "of a board: it is held right before this camera, as for its lens");
+  AddNear(&options->held_before, table);
   AddOptions(&options->rendering, table);
 }
 

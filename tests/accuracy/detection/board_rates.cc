@@ -25,9 +25,10 @@ namespace {
 constexpr const char* kRatedBoards[] = {
     "board:checker,9x6,0.03", "board:charuco,9x6,0.035,0.025,5x5_100",
     "board:aprilgrid,6x4,0.04,0.3", "board:circles,4x11,0.02", "board:circles-symmetric,9x6,0.03"};
-constexpr double kCutShare = 0.25;   // of the views, cut by the border
-constexpr double kWrongPx = 1;       // from the truth: another point was found
-constexpr size_t kLeastMarkers = 4;  // kalibr's rule, and what places a ChArUco board
+constexpr double kCutShare = 0.25;  // of the views, cut by the border
+constexpr double kWrongPx = 1;      // from the truth: another point was found
+constexpr size_t kLeastTags = 4;    // kalibr's rule
+constexpr size_t kLeastPoints = 6;  // of a ChArUco board, as rigcal wants
 
 struct RatedView {
   cv::Mat image;
@@ -99,7 +100,14 @@ bool OpenCvFinds(const Board& board, const cv::Mat& image) {
   std::vector<int> ids;
   cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(DictionaryOf(board)), corners,
                            ids, parameters);
-  return ids.size() >= kLeastMarkers;
+  if (board.kind == BoardKind::kAprilGrid) return ids.size() >= kLeastTags;
+  if (ids.empty()) return false;
+  const auto charuco = cv::aruco::CharucoBoard::create(
+      board.columns + 1, board.rows + 1, static_cast<float>(board.spacing_m),
+      static_cast<float>(board.marker_m), cv::aruco::getPredefinedDictionary(DictionaryOf(board)));
+  std::vector<int> point_ids;
+  cv::aruco::interpolateCornersCharuco(corners, ids, image, charuco, points, point_ids);
+  return point_ids.size() >= kLeastPoints;
 }
 
 struct RateResult {

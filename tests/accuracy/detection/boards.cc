@@ -36,7 +36,7 @@ constexpr const char* kBoards[] = {
     "board:checker,9x6,0.03", "board:charuco,9x6,0.035,0.025,5x5_100",
     "board:aprilgrid,6x4,0.04,0.3", "board:circles,4x11,0.02", "board:circles-symmetric,9x6,0.03"};
 constexpr double kTiltsDeg[] = {0, 30, 45, 60};
-constexpr double kRigSeconds = 20;
+constexpr double kRigSeconds = 8;
 
 struct BoardCase {
   std::string name;

@@ -25,10 +25,8 @@ constexpr int kImagesPerFullSearch = 4;
 // One sigma of a circle that noise does not explain: it is round in the image only from the front.
 constexpr double kCircleFloorPx = 0.02;
 constexpr uint8_t kIgnoredGrey = 128;
-// Pictures in which other counts are looked for, if the board was never seen, and how many images
-// are between them.
+// Pictures in which other counts are looked for, if the board was never seen.
 constexpr size_t kPicturesOfOther = 4;
-constexpr int kImagesBetween = 5;
 
 PixelRect BoxOf(const std::vector<Eigen::Vector2d>& pixels, const PixelRect& bounds, double room) {
   constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -141,12 +139,15 @@ ImageView BoardFrameDetector::WithoutIgnored(const ImageView& image) {
 }
 
 void BoardFrameDetector::LookForOther(const ImageView& image) {
-  if (was_seen_ || other_.size() >= kPicturesOfOther || missed_ % kImagesBetween != 1) return;
+  if (was_seen_ || !other_target_.empty() || missed_ % images_between_ != 1) return;
   other_.push_back(GreyOf(image).clone());
   if (other_.size() < kPicturesOfOther) return;
   const std::optional<CountsGuess> guess = GuessCounts(board_, other_);
-  for (cv::Mat& picture : other_) picture.release();
-  if (!guess || static_cast<size_t>(guess->pictures) * 2 < kPicturesOfOther) return;
+  other_.clear();
+  if (!guess || static_cast<size_t>(guess->pictures) * 2 < kPicturesOfOther) {
+    images_between_ *= 2;  // nobody holds one yet
+    return;
+  }
   other_target_ = absl::StrCat("the images show a board of ", guess->board.columns, "x",
                                guess->board.rows, ", not of ", board_.columns, "x", board_.rows,
                                ": say --target ", FormatBoard(guess->board));

@@ -57,6 +57,7 @@ class BoardFrameDetector : public FrameDetector {
   int missed_ = 0;  // images in a row
   bool was_seen_ = false;
   std::vector<cv::Mat> other_;  // images without the board, to look for another one in
+  int images_between_ = 5;      // them; more the longer there is none
   std::string other_target_;    // Detection::other_target
 };
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lenses of cameras from a printed board: hold it before a camera, see what is missing, take the file.
 import type { JSX } from 'preact';
-import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
+import { useMemo, useRef, useState } from 'preact/hooks';
 import { toCount } from '../api/json_values';
 import { createCalibration, createSession, getLens, getSession, listSessions, startSession, stopSession } from '../api/server_api';
 import type { CameraIntrinsics, Lens, Session } from '../api/types';
-import { usePreview } from '../rig/preview';
+import { PreviewImage } from '../rig/preview';
 import { Canvas } from '../shell/canvas';
 import { useFeed, useFeedControl } from '../shell/feed_context';
 import { Chip, Fact, Panel, Problem, saveFile, WorkButton } from '../shell/parts';
@@ -28,20 +28,9 @@ function Views({ lens, rig, live, theme }: { lens: Lens; rig: string; live: stri
   const draw = useMemo(() => drawViews(lens, shown), [lens, shown, theme]);
   const corners = (lens.views ?? []).reduce((sum, view) => sum + (view.x_px?.length ?? 0), 0);
   return <div class="lensview" style={shapeOf(lens)}>
-    {live !== '' && <LiveImage image={image} rig={rig} camera={lens.camera ?? ''} state={live} onShown={setShown} />}
+    {live !== '' && <PreviewImage image={image} rig={rig} camera={lens.camera ?? ''} state={live} onShown={setShown} />}
     <Canvas draw={draw} label={`${lens.camera}: ${count(corners)} corners of ${lens.views?.length ?? 0} views, in ${percent(lens.covered_share ?? 0)} of the image${lens.next_pose?.words ? `; next: ${lens.next_pose.words}` : ''}`} />
   </div>;
-}
-
-function LiveImage({ image, rig, camera, state, onShown }: {
-  image: { current: HTMLImageElement | null }; rig: string; camera: string; state: string; onShown: (shown: boolean) => void;
-}): JSX.Element {
-  const problem = usePreview(image, rig, camera, state);
-  useEffect(() => {
-    onShown(problem === '');
-    return () => onShown(false);
-  }, [problem === '']);
-  return <img ref={image} alt={`What ${camera} sees`} class={problem === '' ? '' : 'none'} />;
 }
 
 /** The numbers of a lens that has been made, and its file. */

@@ -63,3 +63,15 @@ export function Preview({ rig, camera, state }: { rig: string; camera: string; s
     {problem !== '' && <p>{problem}</p>}
   </div>;
 }
+
+/** What a camera sees; nothing while it has no picture. `onShown` says which of both. */
+export function PreviewImage({ image, rig, camera, state, onShown }: {
+  image: { current: HTMLImageElement | null }; rig: string; camera: string; state: string; onShown: (shown: boolean) => void;
+}): JSX.Element {
+  const problem = usePreview(image, rig, camera, state);
+  useEffect(() => {
+    onShown(problem === '');
+    return () => onShown(false);
+  }, [problem === '']);
+  return <img ref={image} alt={`What ${camera} sees`} class={problem === '' ? '' : 'none'} />;
+}

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 import type { JSX } from 'preact';
 import { memo } from './memo';
-import { useCallback, useEffect, useRef, useState } from 'preact/hooks';
+import { useCallback, useRef, useState } from 'preact/hooks';
 import { toCount } from '../api/json_values';
 import type { LiveAlert, LiveCamera } from '../api/types';
-import { usePreview } from '../rig/preview';
+import { PreviewImage } from '../rig/preview';
 import { Canvas } from '../shell/canvas';
 import { Chip, type Mark, Meter } from '../shell/parts';
 import { count, fixed, missing, percent } from '../view/format';
@@ -43,12 +43,7 @@ function Picture({ rig, camera, state, onShown }: {
   rig: string; camera: string; state: string; onShown: (shown: boolean) => void;
 }): JSX.Element {
   const image = useRef<HTMLImageElement>(null);
-  const problem = usePreview(image, rig, camera, state);
-  useEffect(() => {
-    onShown(problem === '');
-    return () => onShown(false);
-  }, [problem === '']);
-  return <img ref={image} alt={`What ${camera} sees`} class={problem === '' ? '' : 'none'} />;
+  return <PreviewImage image={image} rig={rig} camera={camera} state={state} onShown={onShown} />;
 }
 
 /** A camera: where it has seen the wand, and whether all is well. */

@@ -20,8 +20,8 @@ struct LensEstimate {
   // b) its middle (MiddleOfBoard). 1/m.
   Eigen::Vector2d bend_per_m = Eigen::Vector2d::Zero();
   // Noise in each coordinate of a corner, for the priors of pinhole8: numerator and denominator of
-  // its radial term can grow together and cancel each other, so each of their coefficients is 0 with
-  // one sigma of kRationalSigma. 0: not known, no priors.
+  // its radial term can grow together and cancel each other, so each of their coefficients is 0
+  // with one sigma of kRationalSigma. 0: not known, no priors.
   double noise_px = 0;
 };
 inline constexpr double kRationalSigma = 3;

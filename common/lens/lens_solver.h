@@ -9,6 +9,7 @@
 #include "common/camera/intrinsics.h"
 #include "common/camera/intrinsics_vector.h"
 #include "common/geometry/rigid_transform.h"
+#include "common/lens/board_bend.h"
 #include "common/lens/board_view.h"
 #include "common/lens/lens_adjustment.h"
 #include "common/lens/lens_difference.h"
@@ -45,13 +46,6 @@ struct LensViewResult {
   RigidTransform cam_from_board;
   double tilt_deg = 0;   // between the board's normal and the camera's axis
   std::string left_out;  // why the view was not used; empty: it was
-};
-
-// A board that is no plane: paraboloid about its middle (LensEstimate::bend_per_m).
-struct BoardBend {
-  Eigen::Vector2d per_m = Eigen::Vector2d::Zero();     // along x and y
-  Eigen::Vector2d height_m = Eigen::Vector2d::Zero();  // from the middle to the border
-  Eigen::Vector2d sigma_m = Eigen::Vector2d::Zero();   // of it, by noise alone
 };
 
 struct LensSolution {

@@ -45,7 +45,10 @@ void wand_say_battery(void) {
 
 // Sets all frequencies, if the command says which.
 static bool set_hz(const struct command* command) {
-  if (command->count != 1 && !command_has_count(command, BLINK_LEDS)) return false;
+  if (command->count != 1 && command->count != BLINK_LEDS) {
+    serial_say(PSTR("error: hz takes one number, or three; try help\r\n"));
+    return false;
+  }
   if (!command_in_range(command, BLINK_MIN_HZ, BLINK_MAX_HZ)) return false;
   for (uint8_t i = 0; i < BLINK_LEDS; ++i) {
     wand_settings.hz[i] = command->numbers[command->count == 1 ? 0 : i];

@@ -121,12 +121,13 @@ TEST(WandFirmware, RefusesWhatItCannotDo) {
   } cases[] = {
       {"hz 99", "error: hz can be 100 to 1000, not 99\r\n"},
       {"hz 400 500 1001", "error: hz can be 100 to 1000, not 1001\r\n"},
-      {"hz", "error: hz takes 3 number(s), not 0; try help\r\n"},
-      {"hz 400 500", "error: hz takes 3 number(s), not 2; try help\r\n"},
+      {"hz", "error: hz takes one number, or three; try help\r\n"},
+      {"hz 400 500", "error: hz takes one number, or three; try help\r\n"},
       {"hz 1 2 3 4", "error: too many numbers; try help\r\n"},
       {"hz 5e2", "error: 5e2 is no whole number from 0 to 65535\r\n"},
       {"hz -500", "error: -500 is no whole number from 0 to 65535\r\n"},
       {"hz 66036", "error: 66036 is no whole number from 0 to 65535\r\n"},  // 65536 + 500
+      {"duty", "error: duty takes 1 number(s), not 0; try help\r\n"},
       {"duty 4", "error: duty can be 5 to 95, not 4\r\n"},
       {"duty 306", "error: duty can be 5 to 95, not 306\r\n"},  // 256 + 50
       {"brightness 0", "error: brightness can be 10 to 100, not 0\r\n"},

@@ -88,7 +88,7 @@ static bool execute(const struct command* command) {
     serial_say(
         PSTR("show           settings\r\n"
              "hz 50          pulses a second, 5 to 200\r\n"
-             "width 5000     length of a pulse, us, from 20 on\r\n"
+             "width 4000     length of a pulse, us, from 20 on\r\n"
              "start, stop    as the button does\r\n"
              "reset          all as it was when new\r\n"));
   } else if (command_is(command, PSTR("show"))) {

@@ -9,7 +9,7 @@ struct trigger_settings trigger_settings;
 
 void trigger_settings_reset(void) {
   trigger_settings.hz = 50;
-  trigger_settings.width_us = 5000;
+  trigger_settings.width_us = 4000;  // two blinks of the wand
 }
 
 bool trigger_settings_load(void) {

@@ -33,8 +33,8 @@ TEST(TriggerFirmware, Gives50HzWhenNew) {
   SimulatedBoard board("trigger");
   board.Run(0.2);
   EXPECT_THAT(board.TakeOutput(),
-              AllOf(StartsWith("rigcal trigger"), HasSubstr("hz 50, width 5000 us, running")));
-  ExpectPulses(&board, 50, 0.005, 1);
+              AllOf(StartsWith("rigcal trigger"), HasSubstr("hz 50, width 4000 us, running")));
+  ExpectPulses(&board, 50, 0.004, 1);
   EXPECT_TRUE(board.IsHigh(BoardPin::kD13));
 }
 
@@ -57,6 +57,7 @@ TEST(TriggerFirmware, TakesRatesAndWidths) {
 TEST(TriggerFirmware, RefusesPulsesThatDoNotFit) {
   SimulatedBoard board("trigger");
   board.Run(0.2);
+  board.Send("width 5000");
   const struct {
     const char* line;
     const char* answer;
@@ -77,7 +78,7 @@ TEST(TriggerFirmware, RefusesPulsesThatDoNotFit) {
   };
   for (const auto& entry : cases) EXPECT_EQ(board.Send(entry.line), entry.answer) << entry.line;
   ExpectPulses(&board, 50, 0.005, 0.3);
-  EXPECT_THAT(board.Send("help"), HasSubstr("width 5000"));
+  EXPECT_THAT(board.Send("help"), HasSubstr("width 4000"));
 }
 
 TEST(TriggerFirmware, ButtonStopsAndStarts) {
@@ -93,10 +94,10 @@ TEST(TriggerFirmware, ButtonStopsAndStarts) {
   }
   EXPECT_FALSE(board.IsHigh(BoardPin::kD13));
   board.Press(0.2);
-  ExpectPulses(&board, 50, 0.005, 0.3);
-  EXPECT_EQ(board.Send("stop"), "ok: hz 50, width 5000 us, stopped\r\n");
-  EXPECT_EQ(board.Send("start"), "ok: hz 50, width 5000 us, running\r\n");
-  ExpectPulses(&board, 50, 0.005, 0.3);
+  ExpectPulses(&board, 50, 0.004, 0.3);
+  EXPECT_EQ(board.Send("stop"), "ok: hz 50, width 4000 us, stopped\r\n");
+  EXPECT_EQ(board.Send("start"), "ok: hz 50, width 4000 us, running\r\n");
+  ExpectPulses(&board, 50, 0.004, 0.3);
 }
 
 TEST(TriggerFirmware, KeepsSettingsButNotThoseOfAWand) {
@@ -105,9 +106,9 @@ TEST(TriggerFirmware, KeepsSettingsButNotThoseOfAWand) {
   board.Send("hz 25");
   SimulatedBoard later("trigger", board.Eeprom());
   later.Run(0.1);
-  EXPECT_THAT(later.TakeOutput(), HasSubstr("hz 25, width 5000 us, running"));
-  ExpectPulses(&later, 25, 0.005, 0.5);
-  EXPECT_THAT(later.Send("reset"), StartsWith("ok: hz 50, width 5000 us"));
+  EXPECT_THAT(later.TakeOutput(), HasSubstr("hz 25, width 4000 us, running"));
+  ExpectPulses(&later, 25, 0.004, 0.5);
+  EXPECT_THAT(later.Send("reset"), StartsWith("ok: hz 50, width 4000 us"));
 
   SimulatedBoard wand("wand");
   wand.Run(0.1);

@@ -24,6 +24,8 @@ packages=(
   libsqlitecpp-dev libsqlite3-dev zlib1g-dev libarchive-dev libssl-dev libboost-dev prometheus-cpp-dev
   libtomlplusplus-dev libyaml-cpp-dev libxml2-dev libcli11-dev nlohmann-json3-dev
   libspdlog-dev
+  # firmware of the wand, and what runs it in tests
+  gcc-avr avr-libc libsimavr-dev
   # tests
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-numpy python3-opencv
 )

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "agent/detect/board/board_counts.h"
+#include "agent/detect/board/marker_mistakes.h"
 #include "common/lens/view_choice.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
@@ -63,9 +64,14 @@ absl::Status CheckCounts(const Board& board, int looked_at, const std::vector<cv
 
 absl::Status NoBoard(const Board& board, int looked_at, const std::vector<cv::Mat>& pictures) {
   if (board.HasMarkers()) {
+    const std::string none =
+        absl::StrCat("no ", FormatBoard(board), " in ", looked_at, " pictures");
+    if (const std::string why = ExplainMissingMarkers(board, pictures); !why.empty()) {
+      return absl::FailedPreconditionError(absl::StrCat(none, "; ", why));
+    }
     return absl::FailedPreconditionError(absl::StrCat(
-        "no ", FormatBoard(board), " in ", looked_at,
-        " pictures: are the counts (of squares, or of tags), the sides and the dictionary those of "
+        none,
+        ": are the counts (of squares, or of tags), the sides and the dictionary those of "
         "the print, are its markers sharp and 15 pixels wide or more, and are the pictures not "
         "mirrored? A part of the board is enough"));
   }

@@ -114,11 +114,14 @@ absl::StatusOr<CalibrationErrors> CompareWithGroundTruth(const SimulatedWorld& w
     errors.cameras.push_back(std::move(error));
   }
   SubtractTrueClocks(world, result, &errors);
-  errors.marker_positions_m =
-      Difference(result.target.marker_positions_m, world.true_target().marker_positions_m);
-  errors.marker_positions_m.erase(errors.marker_positions_m.begin());
-  errors.target_length_rel =
-      result.target.marker_positions_m.back() / world.true_target().marker_positions_m.back() - 1;
+  // A rigid target has points instead of positions on a line.
+  if (!result.target.marker_positions_m.empty()) {
+    errors.marker_positions_m =
+        Difference(result.target.marker_positions_m, world.true_target().marker_positions_m);
+    errors.marker_positions_m.erase(errors.marker_positions_m.begin());
+    errors.target_length_rel =
+        result.target.marker_positions_m.back() / world.true_target().marker_positions_m.back() - 1;
+  }
   TakeOutScale(&errors);
   return errors;
 }

@@ -32,8 +32,8 @@ struct CameraError {
 struct CalibrationErrors {
   std::vector<CameraError> cameras;
   int reference = 0;                       // index of the world's camera
-  std::vector<double> marker_positions_m;  // of markers 1, 2, ...
-  double target_length_rel = 0;            // of the whole target
+  std::vector<double> marker_positions_m;  // of markers 1, 2, ... of a line target
+  double target_length_rel = 0;            // of the whole line target
   // The common factor, less 1, that fits the camera positions best to the true ones, and the
   // position errors without it.
   double scale_rel = 0;

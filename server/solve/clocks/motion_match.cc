@@ -162,7 +162,9 @@ MotionMatch CandidateOf(const TrackPaths& a, const TrackPaths& b, const MotionSp
 MotionMatch MatchMotion(const TrackPaths& a, const TrackPaths& b, const MotionSpectrum& spectrum_a,
                         const MotionSpectrum& spectrum_b) {
   MotionMatch match;
-  const auto markers = static_cast<double>(a.markers.size());
+  // Of a body with many points only some have a path (PathsOf).
+  const auto markers = static_cast<double>(std::ranges::count_if(
+      a.markers, [](const RayPath& path) { return !path.time_s.empty(); }));
   const double overlap_s = a.markers.size() == 1 ? kMinPointOverlapS : kMinOverlapS * markers;
   const LagScores lags =
       ScoreAllLags(spectrum_a, spectrum_b, static_cast<int>(overlap_s / spectrum_a.step_s));

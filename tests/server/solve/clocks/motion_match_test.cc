@@ -40,6 +40,17 @@ TEST(MatchMotion, FindsItWhereTheRecordingsOverlapForHalfOnly) {
   EXPECT_NEAR(match.peaks.front().offset_s, 100, 0.002);
 }
 
+// A board has many points, of which a few have a path.
+TEST(MatchMotion, PointsWithoutAPathNeedNoOverlap) {
+  TrackPaths a = SyntheticPaths({.view = 0, .duration_s = 20});
+  TrackPaths b = SyntheticPaths({.view = 1, .duration_s = 20, .offset_s = 3});
+  a.markers.resize(54);
+  b.markers.resize(54);
+  const MotionMatch match = Match(a, b);
+  ASSERT_EQ(match.verdict, MotionVerdict::kFound);
+  EXPECT_NEAR(match.peaks.front().offset_s, 3, 0.002);
+}
+
 TEST(MatchMotion, OfTwoMotionsFindsNothing) {
   for (uint32_t seed = 2; seed < 8; ++seed) {
     const MotionMatch match =

@@ -118,7 +118,7 @@ absl::StatusOr<FittedLens> FitDoubleSphere(const DoubleSphere& lens,
 std::string DoubleSphereNote(const std::string& camera, const FittedLens& fitted) {
   return absl::StrFormat(
       "%s: its double sphere lens is read as the nearest lens of rigcal (%s); they differ by at "
-      "most %.3f px, at pixel %s",
+      "most %.2g px, at pixel %s",
       camera, std::string(DistortionModelName(fitted.intrinsics.model)), fitted.largest_px,
       PixelText(fitted.largest_at_px));
 }

@@ -202,7 +202,8 @@ void AddIntrinsicsCommand(CLI::App& app, Subcommands* all) {
       .add_option("--board", flags.board,
                   "board:checker,9x6,0.03 (inner corners, not squares; metres), "
                   "board:circles,4x11,0.02 (asymmetric), board:circles-symmetric,9x6,0.02, "
-                  "board:charuco,8x6,0.03,0.022,5x5_100, board:aprilgrid,6x6,0.088,0.3")
+                  "board:charuco,8x6,0.03,0.022,5x5_100, board:aprilgrid,6x6,0.088,0.3; the last "
+                  "two with ,two-sided=0.004 where both sides are printed")
       ->required();
   AddOutputOption(command, &flags.out, &flags.force,
                   "OpenCV YAML for calibration=FILE of the camera")

@@ -136,6 +136,11 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
         "--until-px is of a camera or a video; of pictures all are used");
   }
   RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
+  if (!flags.corners.empty() && board.IsTwoSided()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--corners: mrcal knows no boards with two sides; give the front alone, ",
+                     FormatBoard(board.OneSide())));
+  }
   if (!flags.corners.empty()) {
     RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.corners, flags.force));
   }
@@ -145,7 +150,7 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
   guiding.model = options.model;
   guiding.until_px = flags.until_px >= 0 ? flags.until_px : source.is_live ? kUntilPx : 0;
   guiding.is_whole = !board.HasMarkers();  // of those with markers, parts are found
-  LensGuide guide(board.Points(), source.pictures->description().image_size_px, guiding);
+  LensGuide guide(board.OneSide().Points(), source.pictures->description().image_size_px, guiding);
   if (is_table && !is_pictures) {
     out << absl::StrCat("first: ", guide.next().words, " (left and right as in the image)\n")
         << std::flush;
@@ -197,7 +202,8 @@ void AddIntrinsicsCommand(CLI::App& app, Subcommands* all) {
       .add_option("--board", flags.board,
                   "board:checker,9x6,0.03 (inner corners, not squares; metres), "
                   "board:circles,4x11,0.02 (asymmetric), board:circles-symmetric,9x6,0.02, "
-                  "board:charuco,8x6,0.03,0.022,5x5_100, board:aprilgrid,6x6,0.088,0.3")
+                  "board:charuco,8x6,0.03,0.022,5x5_100, board:aprilgrid,6x6,0.088,0.3; the last "
+                  "two with ,two-sided=0.004 where both sides are printed")
       ->required();
   AddOutputOption(command, &flags.out, &flags.force,
                   "OpenCV YAML for calibration=FILE of the camera")

@@ -52,7 +52,7 @@ absl::StatusOr<std::vector<TargetPoint>> BoardPoints(const std::string& text) {
   std::vector<TargetPoint> points = target.points;
   // In frame `board` z points away from who looks at the print, except of an April grid.
   if (board.kind != BoardKind::kAprilGrid) {
-    for (TargetPoint& point : points) point.y_m = -point.y_m;
+    for (TargetPoint& point : points) point.y_m = -point.y_m, point.z_m = -point.z_m;
   }
   return points;
 }

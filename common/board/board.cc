@@ -26,6 +26,9 @@ constexpr double kMostMarkerShare = 0.95;  // of a square
 constexpr int kMaxCount = 1000000;         // what can be doubled; Validate refuses it
 constexpr double kMinSpacingM = 0.0005;
 constexpr double kMaxSpacingM = 1;
+constexpr double kMinThicknessM = 0.0005;
+constexpr double kMaxThicknessM = 0.1;
+constexpr std::string_view kTwoSided = "two-sided=";
 
 constexpr std::array<std::pair<std::string_view, BoardKind>, 5> kBoardKinds = {{
     {"checker", BoardKind::kChecker},
@@ -38,7 +41,8 @@ constexpr std::array<std::pair<std::string_view, BoardKind>, 5> kBoardKinds = {{
 constexpr char kBoardExamples[] =
     "; a board is board:checker,9x6,0.03 (9 x 6 inner corners, not squares; squares of 0.03 m), "
     "board:circles,4x11,0.02 (asymmetric), board:circles-symmetric,9x6,0.02, "
-    "board:charuco,8x6,0.03,0.022,5x5_100 (8 x 6 squares) or board:aprilgrid,6x6,0.088,0.3";
+    "board:charuco,8x6,0.03,0.022,5x5_100 (8 x 6 squares) or board:aprilgrid,6x6,0.088,0.3; the "
+    "last two with ,two-sided=0.004 behind it where both sides are printed, 0.004 m apart";
 
 // OpenCV's predefined dictionaries, and how many markers each has.
 struct Dictionary {
@@ -101,6 +105,29 @@ bool Board::HasTwin() const {
   return true;
 }
 
+int Board::side_marker_count() const {
+  if (kind == BoardKind::kCharuco) return (columns + 1) * (rows + 1) / 2;
+  return kind == BoardKind::kAprilGrid ? columns * rows / 4 : 0;
+}
+
+Board Board::OneSide() const {
+  Board front = *this;
+  front.thickness_m = 0;
+  return front;
+}
+
+RigidTransform Board::FrontFromBack() const {
+  const double width_m = OneSide().Points()[static_cast<size_t>(columns - 1)].x();
+  const double depth_m = kind == BoardKind::kAprilGrid ? -thickness_m : thickness_m;
+  return {Eigen::Quaterniond(0, 0, 1, 0), Eigen::Vector3d(width_m, 0, depth_m)};
+}
+
+BoardSide Board::SideSeenFrom(const Eigen::Vector3d& x_in_board_m) const {
+  if (!IsTwoSided()) return BoardSide::kFront;
+  const double depth_m = kind == BoardKind::kAprilGrid ? -x_in_board_m.z() : x_in_board_m.z();
+  return depth_m > 0.5 * thickness_m ? BoardSide::kBack : BoardSide::kFront;
+}
+
 std::vector<Eigen::Vector3d> Board::Points() const {
   std::vector<Eigen::Vector3d> points;
   points.reserve(static_cast<size_t>(point_count()));
@@ -115,6 +142,14 @@ std::vector<Eigen::Vector3d> Board::Points() const {
       const int along = kind == BoardKind::kCircles ? 2 * column + row % 2 : column;
       points.emplace_back(along * spacing_m, row * spacing_m, 0);
     }
+  }
+  if (!IsTwoSided()) return points;
+  const RigidTransform front_from_back = FrontFromBack();
+  const size_t count = points.size();
+  for (size_t i = 0; i < count; ++i) {
+    // Half a turn by quaternion leaves dust in the last digit.
+    const Eigen::Vector3d& shift_m = front_from_back.translation_m;
+    points.emplace_back(shift_m.x() - points[i].x(), points[i].y(), shift_m.z());
   }
   return points;
 }
@@ -139,11 +174,11 @@ absl::Status Board::Validate() const {
     faults.CheckRange("the spacing", spacing_m, kMinSpacingM, kMaxSpacingM, " m");
   }
   if (kind == BoardKind::kCharuco) {
-    const int markers = (columns + 1) * (rows + 1) / 2;
+    const int markers = (IsTwoSided() ? 2 : 1) * side_marker_count();
     const int most = MarkersOf(dictionary);
     if (most > 0 && markers > most) {
-      faults.Add("the board has ", markers, " markers, and the dictionary ", dictionary, " has ",
-                 most);
+      faults.Add("the board has ", markers, " markers", IsTwoSided() ? " on both sides" : "",
+                 ", and the dictionary ", dictionary, " has ", most);
     }
     if (!(marker_m > 0 && marker_m <= kMostMarkerShare * spacing_m)) {
       faults.Add("markers of ", marker_m, " m do not fit into squares of ", spacing_m,
@@ -160,9 +195,9 @@ absl::Status Board::Validate() const {
   }
   if (kind == BoardKind::kAprilGrid) {
     faults.CheckRange("the gap over a tag's side", gap_share, 0.05, 1);
-    if (columns * rows / 4 > MarkersOf("apriltag_36h11")) {
-      faults.Add("the grid has ", columns * rows / 4, " tags, and there are ",
-                 MarkersOf("apriltag_36h11"));
+    const int tags = (IsTwoSided() ? 2 : 1) * side_marker_count();
+    if (tags > MarkersOf("apriltag_36h11")) {
+      faults.Add("the grid has ", tags, " tags, and there are ", MarkersOf("apriltag_36h11"));
     }
     if (columns % 2 != 0 || rows % 2 != 0) faults.Add("each tag has two corners along each side");
   } else if (gap_share != 0) {
@@ -174,6 +209,18 @@ absl::Status Board::Validate() const {
   } else if (circle_diameter_m != 0 && !(circle_diameter_m > 0 && circle_diameter_m < nearest_m)) {
     faults.Add("the diameter of the circles is ", circle_diameter_m, " m, but they are ", nearest_m,
                " m apart");
+  }
+  if (thickness_m != 0 && !HasMarkers()) {
+    faults.Add(
+        "without markers the two sides of a board cannot be told apart: take a ChArUco board or an "
+        "April grid (board:charuco,10x7,0.025,0.018,5x5_100,two-sided=0.004), whose back has other "
+        "markers than its front");
+  } else if (thickness_m > kMaxThicknessM && thickness_m <= 1000 * kMaxThicknessM) {
+    faults.Add("the two sides are ", thickness_m, " m apart? It is given in metres: ", thickness_m,
+               " mm are ", ShortestText(thickness_m / 1000));
+  } else if (thickness_m != 0) {
+    faults.CheckRange("the distance of the two sides", thickness_m, kMinThicknessM, kMaxThicknessM,
+                      " m");
   }
   return faults.Result();
 }
@@ -210,9 +257,19 @@ absl::StatusOr<Board> ParseBoard(std::string_view text) {
   if (text.substr(0, kPrefix.size()) != kPrefix) {
     return BoardFault(text, "a board begins with board:");
   }
-  const std::vector<std::string> parts =
-      absl::StrSplit(std::string(text.substr(kPrefix.size())), ',');
+  std::vector<std::string> parts = absl::StrSplit(std::string(text.substr(kPrefix.size())), ',');
   Board board;
+  if (parts.back().starts_with(kTwoSided)) {
+    const std::string value = parts.back().substr(kTwoSided.size());
+    if (!absl::SimpleAtod(value, &board.thickness_m) || !std::isfinite(board.thickness_m)) {
+      return BoardFault(text, absl::StrCat("\"", value, "\" is no number of metres"));
+    }
+    if (board.thickness_m == 0) {
+      return BoardFault(text,
+                        "the two sides are 0 m apart; leave two-sided= out where one is printed");
+    }
+    parts.pop_back();
+  }
   bool is_known = false;
   for (const auto& [name, kind] : kBoardKinds) {
     if (parts[0] != name) continue;
@@ -262,6 +319,9 @@ std::string FormatBoard(const Board& board) {
     if (value > 0) absl::StrAppend(&text, ",", ShortestText(value));
   }
   if (!board.dictionary.empty()) absl::StrAppend(&text, ",", board.dictionary);
+  if (board.IsTwoSided()) {
+    absl::StrAppend(&text, ",", std::string(kTwoSided), ShortestText(board.thickness_m));
+  }
   return text;
 }
 

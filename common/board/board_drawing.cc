@@ -2,6 +2,7 @@
 #include "common/board/board_drawing.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -15,6 +16,7 @@ constexpr double kRulerTickMm = 10;
 constexpr double kTextHeightMm = 4;
 constexpr double kFooterMm = 20;  // ruler and text
 constexpr double kLeastMarginMm = 10;
+constexpr double kCrossMm = 6;  // across
 
 struct Paper {
   const char* name;
@@ -44,9 +46,9 @@ void DrawChecker(const Board& board, const BoardSheet& sheet, std::string* svg) 
   }
 }
 
-void DrawMarkers(const Board& board, const BoardSheet& sheet, std::string* svg) {
+void DrawMarkers(const Board& board, BoardSide side, const BoardSheet& sheet, std::string* svg) {
   const double left = 0.5 * (sheet.width_mm - sheet.pattern_width_mm);
-  for (const BlackCell& cell : MarkerCells(board)) {
+  for (const BlackCell& cell : MarkerCells(board, side)) {
     absl::StrAppendFormat(svg, "<rect x=\"%.4f\" y=\"%.4f\" width=\"%.4f\" height=\"%.4f\"/>\n",
                           left + 1000 * cell.x_m, sheet.margin_mm + 1000 * cell.y_m,
                           1000 * cell.side_m, 1000 * cell.side_m);
@@ -62,6 +64,22 @@ void DrawCircles(const Board& board, const BoardSheet& sheet, std::string* svg) 
   }
 }
 
+// Where both sheets of a board with two sides are pierced, in the middle of the margin.
+void DrawCrosses(const BoardSheet& sheet, std::string* svg) {
+  *svg += "<g id=\"crosses\" stroke=\"black\" stroke-width=\"0.2\">\n";
+  const double inset = 0.5 * sheet.margin_mm;
+  for (const double x : {inset, sheet.width_mm - inset}) {
+    for (const double y : {inset, sheet.height_mm - inset}) {
+      for (const auto& [dx, dy] :
+           {std::pair(0.5 * kCrossMm, 0.0), std::pair(0.0, 0.5 * kCrossMm)}) {
+        absl::StrAppendFormat(svg, "<line x1=\"%.4f\" y1=\"%.4f\" x2=\"%.4f\" y2=\"%.4f\"/>\n",
+                              x - dx, y - dy, x + dx, y + dy);
+      }
+    }
+  }
+  *svg += "</g>\n";
+}
+
 }  // namespace
 
 BoardSheet SheetOf(const Board& board) {
@@ -75,7 +93,7 @@ BoardSheet SheetOf(const Board& board) {
     beyond = board.gap_share * spacing;
   }
   double right = 0, bottom = 0;
-  for (const Eigen::Vector3d& point : board.Points()) {
+  for (const Eigen::Vector3d& point : board.OneSide().Points()) {
     right = std::max(right, 1000 * point.x());
     bottom = std::max(bottom, 1000 * point.y());
   }
@@ -91,8 +109,12 @@ BoardSheet SheetOf(const Board& board) {
   return sheet;
 }
 
-std::string BoardSvg(const Board& board) {
+std::string BoardSvg(const Board& board, BoardSide side) {
   const BoardSheet sheet = SheetOf(board);
+  const std::string label =
+      absl::StrCat(FormatBoard(board), !board.IsTwoSided()         ? ""
+                                       : side == BoardSide::kFront ? " (front)"
+                                                                   : " (back)");
   std::string svg = absl::StrFormat(
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
       "<!-- %s; one unit is a millimetre; print at 100 %% -->\n"
@@ -100,18 +122,20 @@ std::string BoardSvg(const Board& board) {
       "viewBox=\"0 0 %.4f %.4f\">\n"
       "<rect id=\"paper\" x=\"0\" y=\"0\" width=\"%.4f\" height=\"%.4f\" fill=\"white\"/>\n"
       "<g id=\"pattern\" fill=\"black\" shape-rendering=\"crispEdges\">\n",
-      FormatBoard(board), sheet.width_mm, sheet.height_mm, sheet.width_mm, sheet.height_mm,
-      sheet.width_mm, sheet.height_mm);
+      label, sheet.width_mm, sheet.height_mm, sheet.width_mm, sheet.height_mm, sheet.width_mm,
+      sheet.height_mm);
   if (board.kind == BoardKind::kChecker) {
     DrawChecker(board, sheet, &svg);
   } else if (board.HasMarkers()) {
-    DrawMarkers(board, sheet, &svg);
+    DrawMarkers(board, side, sheet, &svg);
   } else {
     DrawCircles(board, sheet, &svg);
   }
   const double left = sheet.margin_mm;
   const double ruler = sheet.height_mm - kFooterMm;
-  svg += "</g>\n<g id=\"ruler\" stroke=\"black\" stroke-width=\"0.2\">\n";
+  svg += "</g>\n";
+  if (board.IsTwoSided()) DrawCrosses(sheet, &svg);
+  svg += "<g id=\"ruler\" stroke=\"black\" stroke-width=\"0.2\">\n";
   absl::StrAppendFormat(&svg,
                         "<line id=\"ruler-100mm\" x1=\"%.4f\" y1=\"%.4f\" x2=\"%.4f\" "
                         "y2=\"%.4f\"/>\n",
@@ -125,8 +149,8 @@ std::string BoardSvg(const Board& board) {
       "</g>\n<text x=\"%.4f\" y=\"%.4f\" font-family=\"sans-serif\" font-size=\"%.1f\">%s"
       "</text>\n<text x=\"%.4f\" y=\"%.4f\" font-family=\"sans-serif\" font-size=\"%.1f\">"
       "the ruler is 100 mm long</text>\n</svg>\n",
-      left, ruler + 1.5 * kTextHeightMm, kTextHeightMm, FormatBoard(board), left,
-      ruler + 3 * kTextHeightMm, kTextHeightMm);
+      left, ruler + 1.5 * kTextHeightMm, kTextHeightMm, label, left, ruler + 3 * kTextHeightMm,
+      kTextHeightMm);
   return svg;
 }
 
@@ -167,6 +191,15 @@ std::string DescribeBoard(const Board& board) {
                         "pattern %.0f x %.0f mm, sheet with its white margin %.0f x %.0f mm (%s)\n",
                         sheet.pattern_width_mm, sheet.pattern_height_mm, sheet.width_mm,
                         sheet.height_mm, PaperFor(sheet));
+  if (board.IsTwoSided()) {
+    absl::StrAppendFormat(
+        &text,
+        "two sides, %g mm from print to print; the back has markers %d to %d\n"
+        "turn the board about its vertical middle line, as a page, and the back is upright: pierce "
+        "the crosses of both sheets, put the back's upper left one on the front's upper right one, "
+        "measure the thickness with both sheets glued on, and say that\n",
+        1000 * board.thickness_m, board.side_marker_count(), 2 * board.side_marker_count() - 1);
+  }
   if (board.HasTwin()) {
     text += "it looks the same turned by 180 degrees, which does not matter for a lens\n";
   }

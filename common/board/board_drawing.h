@@ -22,8 +22,10 @@ struct BoardSheet {
 BoardSheet SheetOf(const Board& board);
 
 // The sheet as an SVG file to scale: one unit is a millimetre. The ruler is 100 mm long, to check
-// the print. `board` must be valid.
-std::string BoardSvg(const Board& board);
+// the print. `board` must be valid. The sheets of a board with two sides are of one size and have
+// crosses in their corners, which lie on each other where the back is turned about its vertical
+// middle line: Board says how the frames of both sides go together.
+std::string BoardSvg(const Board& board, BoardSide side = BoardSide::kFront);
 
 // For people, several lines: counts, sizes, the paper it needs, how to print it.
 std::string DescribeBoard(const Board& board);

@@ -74,16 +74,34 @@ Eigen::Matrix3Xd Bent(const Eigen::Matrix3Xd& given, const Eigen::Matrix3Xd& fou
     const double x = given(0, i) - middle.x(), y = given(1, i) - middle.y();
     rows.row(i) << 1, x, y, x * x, x * y, y * y;
   }
-  const Eigen::VectorXd surface =
-      rows.colPivHouseholderQr().solve(in_board.row(2).transpose().eval());
+  const Eigen::VectorXd heights = (in_board.row(2) - given.row(2)).transpose();
+  const Eigen::VectorXd surface = rows.colPivHouseholderQr().solve(heights);
   Eigen::Matrix3Xd bent = given;
-  bent.row(2) = (rows * surface).transpose();
+  bent.row(2) += (rows * surface).transpose();
   const Eigen::VectorXd curved = rows.rightCols<3>() * surface.tail<3>();
   *height = curved.cwiseAbs().maxCoeff();
   return bent;
 }
 
+Eigen::Matrix3Xd WithBackMoved(const Board& board, Eigen::Matrix3Xd points,
+                               const Eigen::Vector3d& offset_m) {
+  points.rightCols(board.side_point_count()).colwise() += offset_m;
+  return points;
+}
+
 }  // namespace
+
+Eigen::Vector3d BackOffset(const Board& board, const Points& found_points) {
+  const Eigen::Matrix3Xd given = Columns(board.Points()), found = Columns(found_points);
+  const Eigen::Index count = board.side_point_count();
+  const Eigen::Matrix4d board_from_found =
+      Eigen::umeyama(found.leftCols(count), given.leftCols(count));
+  const Eigen::Vector3d back =
+      (board_from_found.topLeftCorner<3, 3>() * found.rightCols(count) - given.rightCols(count))
+          .rowwise()
+          .mean();
+  return back + board_from_found.topRightCorner<3, 1>();
+}
 
 ShapeMisfit CompareShapes(const Points& given, const Points& found) {
   const Eigen::Matrix3Xd target = Columns(found);
@@ -118,6 +136,14 @@ BoardMisfit ExplainBoardMisfit(const Board& board, const Points& found_points) {
   const double factor = LeastOf(
       0.4, 2.5, [&](double value) { return SquaredMisfit(Stretched(given, value), found); });
   consider(MisfitCause::kStretch, factor, Stretched(given, factor));
+  if (board.IsTwoSided()) {
+    const Eigen::Vector3d offset_m = BackOffset(board, found_points);
+    const Eigen::Vector3d deeper_m(0, 0, offset_m.z()), beside_m(offset_m.x(), offset_m.y(), 0);
+    const double away = board.FrontFromBack().translation_m.z() > 0 ? 1 : -1;
+    consider(MisfitCause::kThickness, board.thickness_m + away * offset_m.z(),
+             WithBackMoved(board, given, deeper_m));
+    consider(MisfitCause::kShift, beside_m.norm(), WithBackMoved(board, given, beside_m));
+  }
   double height_m = 0;
   const Eigen::Matrix3Xd bent = Bent(given, found, &height_m);
   consider(MisfitCause::kBend, height_m, bent);

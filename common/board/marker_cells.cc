@@ -52,11 +52,12 @@ void AddMarker(const cv::aruco::Dictionary& dictionary, int id, int border_bits,
   }
 }
 
-std::vector<BlackCell> CharucoCells(const Board& board) {
+// `first`: the number of the first marker.
+std::vector<BlackCell> CharucoCells(const Board& board, int first) {
   const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryOf(board));
   const double side_m = board.spacing_m, inset_m = 0.5 * (side_m - board.marker_m);
   std::vector<BlackCell> cells;
-  int id = 0;
+  int id = first;
   for (int row = 0; row <= board.rows; ++row) {
     for (int column = 0; column <= board.columns; ++column) {
       if ((row + column) % 2 == 0) {
@@ -71,7 +72,7 @@ std::vector<BlackCell> CharucoCells(const Board& board) {
   return cells;
 }
 
-std::vector<BlackCell> AprilGridCells(const Board& board) {
+std::vector<BlackCell> AprilGridCells(const Board& board, int first) {
   const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryOf(board));
   const int across = board.columns / 2, high = board.rows / 2;
   const double side_m = board.spacing_m, gap_m = board.gap_share * side_m;
@@ -82,7 +83,7 @@ std::vector<BlackCell> AprilGridCells(const Board& board) {
       cells.push_back({x_m, y_m, gap_m});
       if (row == high || column == across) continue;
       // Numbered from the lower left; as kalibr prints them, upside down against OpenCV.
-      const int id = (high - 1 - row) * across + column;
+      const int id = first + (high - 1 - row) * across + column;
       if (id >= dictionary->bytesList.rows) continue;
       AddMarker(*dictionary, id, kAprilBorderBits, true, {x_m + gap_m, y_m + gap_m, side_m},
                 &cells);
@@ -100,8 +101,10 @@ int DictionaryOf(const Board& board) {
   return cv::aruco::DICT_APRILTAG_36h11;
 }
 
-std::vector<BlackCell> MarkerCells(const Board& board) {
-  return board.kind == BoardKind::kCharuco ? CharucoCells(board) : AprilGridCells(board);
+std::vector<BlackCell> MarkerCells(const Board& board, BoardSide side) {
+  const int first = side == BoardSide::kBack ? board.side_marker_count() : 0;
+  return board.kind == BoardKind::kCharuco ? CharucoCells(board, first)
+                                           : AprilGridCells(board, first);
 }
 
 }  // namespace rigcal

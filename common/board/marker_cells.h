@@ -16,8 +16,9 @@ struct BlackCell {
 
 // What is black on a board with markers: the squares of a ChArUco board and the bits of its markers
 // (whose upper left square is black), or the tags of an April grid, with a border of two bits, and
-// the squares between their corners.
-std::vector<BlackCell> MarkerCells(const Board& board);
+// the squares between their corners. Of the back of a board with two sides, as it is seen from
+// behind: the same with the next markers.
+std::vector<BlackCell> MarkerCells(const Board& board, BoardSide side = BoardSide::kFront);
 
 // OpenCV's number of a ChArUco board's dictionary, or of an April grid's.
 int DictionaryOf(const Board& board);

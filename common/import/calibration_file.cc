@@ -24,7 +24,7 @@ constexpr char kReadableFormats[] =
     "OpenCV's .yaml, .xml or .json, ROS's camera_info, kalibr's .yaml, mrcal's .cameramodel, "
     "caliscope's, anipose's or "
     "Pose2Sim's .toml, QTM's .qca.txt, Vicon's .xcp, nerfstudio's transforms.json, OpenMVG's "
-    "sfm_data.json, the folder of a COLMAP model";
+    "sfm_data.json, Basalt's calibration.json, the folder of a COLMAP model";
 
 std::string LowerName(const fs::path& path) {
   return absl::AsciiStrToLower(path.filename().string());
@@ -62,6 +62,7 @@ absl::StatusOr<ImportedRig> ReadJsonRig(const std::string& path, const std::stri
   if (json.is_object()) {
     if (json.contains("frames")) return ReadNerfstudio(path, text);
     if (json.contains("sfm_data_version")) return ReadOpenMvg(path, text);
+    if (json.contains("value0")) return ReadBasalt(path, text);
     if (json.contains("cameras") && json["cameras"].is_object()) {
       return ImportError(path, 0,
                          absl::StrCat("has its cameras in a table by name, as Multical's "

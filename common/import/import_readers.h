@@ -29,9 +29,13 @@ absl::StatusOr<ImportedRig> ReadColmap(const std::filesystem::path& folder);
 absl::StatusOr<ImportedRig> ReadNerfstudio(const std::string& path, const std::string& text);
 absl::StatusOr<ImportedRig> ReadOpenMvg(const std::string& path, const std::string& text);
 
+// Basalt's calibration.json. Its double sphere lenses are fitted (FitDoubleSphere).
+absl::StatusOr<ImportedRig> ReadBasalt(const std::string& path, const std::string& text);
+
 // mrcal's .cameramodel of one camera, which is called like the file.
 absl::StatusOr<ImportedRig> ReadMrcal(const std::string& path, const std::string& text);
 
+// kalibr's camchain. Its double sphere lenses are fitted (FitDoubleSphere).
 absl::StatusOr<ImportedRig> ReadKalibr(const std::string& path, const std::string& text);
 
 // caliscope's camera_array.toml and anipose's calibration.toml, which have the same fields.

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "common/import/convention.h"
+#include "common/import/fitted_lens.h"
 #include "common/import/import_readers.h"
 #include "common/status/status_macros.h"
 
@@ -45,7 +46,8 @@ class KalibrCamera {
   absl::StatusOr<std::vector<double>> Numbers(const YAML::Node& node, const char* name,
                                               size_t count) const {
     if (!node.IsSequence() || (count > 0 && node.size() != count)) {
-      return Error(node, absl::StrCat(name, " is not a list of ", count, " numbers"));
+      return Error(node, count > 0 ? absl::StrCat(name, " is not a list of ", count, " numbers")
+                                   : absl::StrCat(name, " is not a list of numbers"));
     }
     std::vector<double> values;
     for (const YAML::Node& element : node) {
@@ -86,6 +88,7 @@ class KalibrCamera {
 
   bool Has(const char* name) const { return node_[name].IsDefined(); }
   const YAML::Node& node() const { return node_; }
+  const std::string& key() const { return key_; }
 
  private:
   const std::string& path_;
@@ -93,11 +96,46 @@ class KalibrCamera {
   const YAML::Node node_;
 };
 
-absl::StatusOr<Intrinsics> KalibrIntrinsics(const KalibrCamera& reader) {
+// camera_model ds: kalibr has it without distortion only, values xi, alpha, fu, fv, pu, pv.
+absl::StatusOr<Intrinsics> KalibrDoubleSphere(const KalibrCamera& reader, const ImageSize& size,
+                                              std::vector<std::string>* notes) {
+  if (reader.Has("distortion_model")) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::string model, reader.Word("distortion_model"));
+    if (model != "none") {
+      return reader.Error(reader.node(), absl::StrCat("has the distortion_model ", model,
+                                                      " beside a double sphere lens (ds), which "
+                                                      "has its distortion in xi and alpha"));
+    }
+  }
+  if (reader.Has("distortion_coeffs")) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> coefficients,
+                            reader.NumberList("distortion_coeffs", 0));
+    if (std::ranges::any_of(coefficients, [](double value) { return value != 0; })) {
+      return reader.Error(reader.node()["distortion_coeffs"],
+                          "has distortion_coeffs beside a double sphere lens (ds), which has its "
+                          "distortion in xi and alpha");
+    }
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> k, reader.NumberList("intrinsics", 6));
+  const DoubleSphere lens{
+      .xi = k[0], .alpha = k[1], .fx_px = k[2], .fy_px = k[3], .cx_px = k[4], .cy_px = k[5]};
+  const absl::StatusOr<FittedLens> fitted = FitDoubleSphere(lens, size);
+  if (!fitted.ok()) {
+    return reader.Error(reader.node()["intrinsics"], std::string(fitted.status().message()));
+  }
+  notes->push_back(DoubleSphereNote(reader.key(), *fitted));
+  return fitted->intrinsics;
+}
+
+absl::StatusOr<Intrinsics> KalibrIntrinsics(const KalibrCamera& reader, const ImageSize& size,
+                                            std::vector<std::string>* notes) {
   RIGCAL_ASSIGN_OR_RETURN(const std::string camera_model, reader.Word("camera_model"));
+  if (camera_model == "ds") return KalibrDoubleSphere(reader, size, notes);
   if (camera_model != "pinhole") {
-    return reader.Error(reader.node(), absl::StrCat("has the camera_model ", camera_model,
-                                                    "; only pinhole can be read"));
+    const std::string known = UnreadableLensModel(camera_model);
+    return reader.Error(reader.node(),
+                        absl::StrCat("has the camera_model ", camera_model,
+                                     known.empty() ? "; pinhole and ds can be read" : ": ", known));
   }
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> k, reader.NumberList("intrinsics", 4));
   Intrinsics intrinsics;
@@ -126,16 +164,17 @@ std::string NameFromTopic(const std::string& topic) {
   return CameraNameFrom(topic.substr(begin, end - begin));
 }
 
-// Everything but the pose.
-absl::StatusOr<ImportedCamera> LensFromKalibr(const std::string& path, const KalibrCamera& reader) {
+// Everything but the pose. `notes`: what was done to read it.
+absl::StatusOr<ImportedCamera> LensFromKalibr(const std::string& path, const KalibrCamera& reader,
+                                              std::vector<std::string>* notes) {
   ImportedCamera camera;
-  RIGCAL_ASSIGN_OR_RETURN(camera.intrinsics, KalibrIntrinsics(reader));
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> size, reader.NumberList("resolution", 2));
   for (const double side : size) {
     if (side >= 1 && side <= kMaxImageSidePx) continue;
     return reader.Error(reader.node()["resolution"], "has a resolution out of range");
   }
   camera.image_size_px = {static_cast<uint32_t>(size[0]), static_cast<uint32_t>(size[1])};
+  RIGCAL_ASSIGN_OR_RETURN(camera.intrinsics, KalibrIntrinsics(reader, camera.image_size_px, notes));
   if (reader.Has("timeshift_cam_imu")) {
     const YAML::Node shift = reader.node()["timeshift_cam_imu"];
     if (!YAML::convert<double>::decode(shift, camera.time_offset_s) ||
@@ -221,7 +260,7 @@ absl::StatusOr<ImportedRig> ReadKalibr(const std::string& path, const std::strin
       continue;
     }
     const KalibrCamera reader(path, key, node);
-    absl::StatusOr<ImportedCamera> camera = LensFromKalibr(path, reader);
+    absl::StatusOr<ImportedCamera> camera = LensFromKalibr(path, reader, &rig.notes);
     const absl::StatusOr<std::optional<RigidTransform>> pose = PoseFromKalibr(reader, chain);
     chain = {.previous = pose.ok() ? *pose : std::nullopt, .previous_key = key, .begun = true};
     if (camera.ok() && !pose.ok()) camera = pose.status();

@@ -4,43 +4,16 @@
 // OpenMVG's sfm_data.json ("SfM_Data"): views, intrinsics and poses by number; a pose is the
 // rotation to the camera and the camera's centre.
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <filesystem>
+#include <map>
 
 #include "absl/strings/str_cat.h"
-#include "common/import/convention.h"
 #include "common/import/import_readers.h"
+#include "common/import/scene_json.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal {
 namespace {
-
-using SceneJson = nlohmann::json;
-
-absl::StatusOr<SceneJson> SceneOf(const std::string& path, const std::string& text) {
-  SceneJson json = ParseJson<SceneJson>(text);
-  if (!json.is_object()) return ImportError(path, 0, "is not JSON");
-  return json;
-}
-
-// A value of an object, whatever that is; null where there is none.
-const SceneJson& At(const SceneJson& object, const char* key) {
-  static const auto* const kNull = new SceneJson();
-  if (!object.is_object()) return *kNull;
-  const auto found = object.find(key);
-  return found == object.end() ? *kNull : *found;
-}
-
-std::optional<double> NumberAt(const SceneJson& object, const char* key) {
-  const SceneJson& value = At(object, key);
-  if (!value.is_number()) return std::nullopt;
-  const double number = value.get<double>();
-  return std::isfinite(number) ? std::optional(number) : std::nullopt;
-}
-
-std::string TextAt(const SceneJson& object, const char* key) {
-  const SceneJson& value = At(object, key);
-  return value.is_string() ? value.get<std::string>() : "";
-}
 
 std::optional<Eigen::MatrixXd> MatrixOf(const SceneJson& rows, int row_count, int col_count) {
   if (!rows.is_array() || static_cast<int>(rows.size()) < row_count) return std::nullopt;
@@ -55,18 +28,6 @@ std::optional<Eigen::MatrixXd> MatrixOf(const SceneJson& rows, int row_count, in
     }
   }
   return matrix;
-}
-
-absl::Status SetSize(std::optional<double> width, std::optional<double> height,
-                     ImportedCamera* camera) {
-  const auto good = [](std::optional<double> side) {
-    return side && *side >= 1 && *side <= kMaxImageSidePx && *side == std::floor(*side);
-  };
-  if (!good(width) || !good(height)) {
-    return absl::InvalidArgumentError("has no size of its image in whole pixels");
-  }
-  camera->image_size_px = {static_cast<uint32_t>(*width), static_cast<uint32_t>(*height)};
-  return absl::OkStatus();
 }
 
 // The name of a camera whose images are called so: "images/left.png" -> "left".
@@ -105,7 +66,7 @@ absl::StatusOr<ImportedCamera> NerfstudioCamera(const SceneJson& file, const Sce
         absl::StrCat("has the camera_model ", model.substr(0, 40),
                      "; OPENCV, OPENCV_FISHEYE, PINHOLE and SIMPLE_PINHOLE can be read"));
   }
-  const SceneJson& rows = At(frame, "transform_matrix");
+  const SceneJson& rows = FieldOf(frame, "transform_matrix");
   const std::optional<Eigen::MatrixXd> pose = MatrixOf(rows, 3, 4);
   if (!pose) return absl::InvalidArgumentError("has no transform_matrix of 4 columns");
   Eigen::Matrix3d rotation = pose->leftCols<3>();
@@ -116,13 +77,13 @@ absl::StatusOr<ImportedCamera> NerfstudioCamera(const SceneJson& file, const Sce
 }
 
 absl::StatusOr<ImportedCamera> OpenMvgLens(const SceneJson& entry) {
-  const SceneJson& value = At(entry, "value");
-  const SceneJson& data = At(At(value, "ptr_wrapper"), "data");
+  const SceneJson& value = FieldOf(entry, "value");
+  const SceneJson& data = FieldOf(FieldOf(value, "ptr_wrapper"), "data");
   const std::string model = TextAt(value, "polymorphic_name");
   ImportedCamera camera;
   RIGCAL_RETURN_IF_ERROR(SetSize(NumberAt(data, "width"), NumberAt(data, "height"), &camera));
   const std::optional<double> focal = NumberAt(data, "focal_length");
-  const SceneJson& centre = At(data, "principal_point");
+  const SceneJson& centre = FieldOf(data, "principal_point");
   if (!focal || !centre.is_array() || centre.size() != 2 || !centre[0].is_number() ||
       !centre[1].is_number()) {
     return absl::InvalidArgumentError("has no focal_length or principal_point");
@@ -132,7 +93,7 @@ absl::StatusOr<ImportedCamera> OpenMvgLens(const SceneJson& entry) {
   k.cx_px = centre[0].get<double>(), k.cy_px = centre[1].get<double>();
   const auto list = [&](const char* key, size_t count) {
     std::vector<double> values;
-    const SceneJson& items = At(data, key);
+    const SceneJson& items = FieldOf(data, key);
     for (const SceneJson& item : items.is_array() ? items : SceneJson::array()) {
       if (item.is_number()) values.push_back(item.get<double>());
     }
@@ -166,31 +127,14 @@ absl::StatusOr<ImportedCamera> OpenMvgCamera(const std::map<double, SceneJson>& 
   camera.name = name;
   const auto pose = poses.find(NumberAt(view, "id_pose").value_or(-1));
   if (pose == poses.end()) return camera;
-  const SceneJson& value = At(pose->second, "value");
-  const std::optional<Eigen::MatrixXd> rotation = MatrixOf(At(value, "rotation"), 3, 3);
+  const SceneJson& value = FieldOf(pose->second, "value");
+  const std::optional<Eigen::MatrixXd> rotation = MatrixOf(FieldOf(value, "rotation"), 3, 3);
   const std::optional<Eigen::MatrixXd> centre =
-      MatrixOf(SceneJson::array({At(value, "center")}), 1, 3);
+      MatrixOf(SceneJson::array({FieldOf(value, "center")}), 1, 3);
   if (!rotation || !centre) return absl::InvalidArgumentError("has a pose without values");
   RIGCAL_ASSIGN_OR_RETURN(const Eigen::Quaterniond turn, RotationFrom(Eigen::Matrix3d(*rotation)));
   camera.cam_from_rig = RigidTransform(turn, turn * -Eigen::Vector3d(centre->transpose()));
   return camera;
-}
-
-// The camera with its values checked; where it stands begins what is wrong with it.
-absl::StatusOr<ImportedCamera> Placed(const std::string& path, const std::string& name,
-                                      absl::StatusOr<ImportedCamera> camera) {
-  if (!camera.ok()) {
-    return ImportError(path, 0,
-                       absl::StrCat("camera ", name, " ", std::string(camera.status().message())));
-  }
-  RIGCAL_RETURN_IF_ERROR(CheckImported(path, 0, *camera));
-  return camera;
-}
-
-absl::StatusOr<ImportedRig> Finished(const std::string& path, ImportedRig rig) {
-  RIGCAL_RETURN_IF_ERROR(CheckNames(path, rig));
-  RecogniseConvention(&rig);
-  return rig;
 }
 
 }  // namespace
@@ -198,42 +142,42 @@ absl::StatusOr<ImportedRig> Finished(const std::string& path, ImportedRig rig) {
 absl::StatusOr<ImportedRig> ReadNerfstudio(const std::string& path, const std::string& text) {
   RIGCAL_ASSIGN_OR_RETURN(const SceneJson json, SceneOf(path, text));
   ImportedRig rig{"nerfstudio", {}, {}};
-  const SceneJson& frames = At(json, "frames");
+  const SceneJson& frames = FieldOf(json, "frames");
   if (!frames.is_array()) return ImportError(path, 0, "has frames that are no list");
   for (const SceneJson& frame : frames) {
     std::string name = NameFromImage(TextAt(frame, "file_path"));
     if (name.empty()) name = absl::StrCat("frame", rig.cameras.size() + rig.left_out.size());
-    rig.Add(name, Placed(path, name, NerfstudioCamera(json, frame, name)));
+    rig.Add(name, PlacedCamera(path, name, NerfstudioCamera(json, frame, name)));
   }
-  return Finished(path, std::move(rig));
+  return FinishedRig(path, std::move(rig));
 }
 
 absl::StatusOr<ImportedRig> ReadOpenMvg(const std::string& path, const std::string& text) {
   RIGCAL_ASSIGN_OR_RETURN(const SceneJson json, SceneOf(path, text));
   std::map<double, SceneJson> lenses, poses;
   std::map<double, std::string> models;  // by number: only the first of a kind has the name
-  for (const SceneJson& entry : At(json, "intrinsics")) {
+  for (const SceneJson& entry : FieldOf(json, "intrinsics")) {
     SceneJson named = entry;
-    if (!At(entry, "value").is_object()) continue;
+    if (!FieldOf(entry, "value").is_object()) continue;
     constexpr uint32_t kFirstTimeBit = 0x80000000;
-    const double id = NumberAt(At(entry, "value"), "polymorphic_id").value_or(0);
+    const double id = NumberAt(FieldOf(entry, "value"), "polymorphic_id").value_or(0);
     const double number = id >= kFirstTimeBit ? id - kFirstTimeBit : id;
-    const std::string name = TextAt(At(entry, "value"), "polymorphic_name");
+    const std::string name = TextAt(FieldOf(entry, "value"), "polymorphic_name");
     if (!name.empty()) models[number] = name;
     named["value"]["polymorphic_name"] = models[number];
     lenses[NumberAt(entry, "key").value_or(-1)] = std::move(named);
   }
-  for (const SceneJson& entry : At(json, "extrinsics")) {
+  for (const SceneJson& entry : FieldOf(json, "extrinsics")) {
     poses[NumberAt(entry, "key").value_or(-1)] = entry;
   }
   ImportedRig rig{"OpenMVG", {}, {}};
-  for (const SceneJson& entry : At(json, "views")) {
-    const SceneJson& view = At(At(At(entry, "value"), "ptr_wrapper"), "data");
+  for (const SceneJson& entry : FieldOf(json, "views")) {
+    const SceneJson& view = FieldOf(FieldOf(FieldOf(entry, "value"), "ptr_wrapper"), "data");
     std::string name = NameFromImage(TextAt(view, "filename"));
     if (name.empty()) name = absl::StrCat("view", rig.cameras.size() + rig.left_out.size());
-    rig.Add(name, Placed(path, name, OpenMvgCamera(lenses, poses, view, name)));
+    rig.Add(name, PlacedCamera(path, name, OpenMvgCamera(lenses, poses, view, name)));
   }
-  return Finished(path, std::move(rig));
+  return FinishedRig(path, std::move(rig));
 }
 
 }  // namespace rigcal

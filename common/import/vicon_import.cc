@@ -8,8 +8,8 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "common/camera/fit_intrinsics.h"
 #include "common/import/convention.h"
+#include "common/import/fitted_lens.h"
 #include "common/import/import_readers.h"
 #include "common/import/xml_document.h"
 #include "common/status/status_macros.h"
@@ -19,7 +19,6 @@ namespace {
 
 constexpr double kMetresPerMm = 0.001;
 constexpr double kFittedWithinPx = 0.05;
-constexpr int kFitSteps = 24;
 
 struct ViconLens {
   Eigen::Vector2d centre_px;  // of the distortion
@@ -59,23 +58,6 @@ Eigen::Vector2d WithoutDistortion(const ViconLens& lens, const Eigen::Vector2d& 
   return lens.centre_px + scale * from_centre;
 }
 
-// Our model of the same lens, and how well it fits.
-absl::StatusOr<IntrinsicsFit> FitLens(const ViconLens& lens, const ImageSize& size,
-                                      const Intrinsics& start) {
-  std::vector<RayPixel> rays;
-  for (int i = 0; i <= kFitSteps; ++i) {
-    for (int j = 0; j <= kFitSteps; ++j) {
-      const Eigen::Vector2d pixel(size.width * (static_cast<double>(i) / kFitSteps) - 0.5,
-                                  size.height * (static_cast<double>(j) / kFitSteps) - 0.5);
-      const Eigen::Vector2d straight = WithoutDistortion(lens, pixel);
-      rays.push_back({Eigen::Vector3d((straight.x() - start.cx_px) / start.fx_px,
-                                      (straight.y() - start.cy_px) / start.fy_px, 1),
-                      pixel});
-    }
-  }
-  return FitIntrinsics(DistortionModel::kBrownConrady, rays, start);
-}
-
 absl::StatusOr<RigidTransform> ViconPose(const XmlElement& frame) {
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> q, frame.Numbers("ORIENTATION", 4));
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> p, frame.Numbers("POSITION", 3));
@@ -113,11 +95,18 @@ absl::StatusOr<ImportedCamera> CameraFromVicon(const std::string& path, const Xm
   RIGCAL_RETURN_IF_ERROR(CheckImported(path, frame.line(), camera));
   RIGCAL_ASSIGN_OR_RETURN(const ViconLens lens,
                           ViconLensFrom(frame, Eigen::Vector2d(centre.data())));
-  const absl::StatusOr<IntrinsicsFit> fit = FitLens(lens, camera.image_size_px, k);
+  const auto ray_of = [&lens, &k](const Eigen::Vector2d& pixel) -> std::optional<Eigen::Vector3d> {
+    const Eigen::Vector2d straight = WithoutDistortion(lens, pixel);
+    return Eigen::Vector3d((straight.x() - k.cx_px) / k.fx_px, (straight.y() - k.cy_px) / k.fy_px,
+                           1);
+  };
+  const absl::StatusOr<FittedLens> fit =
+      FitLens(DistortionModel::kBrownConrady, camera.image_size_px, ray_of, k);
   if (!fit.ok() || fit->rms_px > kFittedWithinPx) {
-    return frame.Error(
-        absl::StrCat("has a lens that ours cannot describe within ", kFittedWithinPx, " px",
-                     fit.ok() ? absl::StrCat("; it was ", fit->rms_px, " px") : std::string()));
+    return frame.Error(absl::StrCat(
+        "has a lens that ours cannot describe within ", kFittedWithinPx, " px",
+        fit.ok() && std::isfinite(fit->rms_px) ? absl::StrCat("; it was ", fit->rms_px, " px")
+                                               : std::string()));
   }
   *worst_fit_px = std::max(*worst_fit_px, fit->rms_px);
   k = fit->intrinsics;

@@ -416,18 +416,23 @@ absl::StatusOr<Target> MakeBoardTarget(const Board& board, double sigma_m) {
         "odd (9x6), or take circles with an odd number of rows (board:circles,4x11,0.02)"));
   }
   if (board.point_count() > kMaxMarkers) {
-    return absl::InvalidArgumentError(absl::StrCat(FormatBoard(board), " has ", board.point_count(),
-                                                   " points, a target has at "
-                                                   "most ",
-                                                   kMaxMarkers));
+    return absl::InvalidArgumentError(
+        absl::StrCat(FormatBoard(board), " has ", board.point_count(), " points",
+                     board.IsTwoSided() ? " on both sides" : "", ", a target has at most ",
+                     kMaxMarkers, ": take one with fewer, larger ",
+                     board.HasCircles()                    ? "circles"
+                     : board.kind == BoardKind::kAprilGrid ? "tags"
+                                                           : "squares"));
   }
   Target target;
   target.kind = TargetKind::kRigid;
   target.board = FormatBoard(board);
   for (const Eigen::Vector3d& point : board.Points()) {
-    const int index = static_cast<int>(target.points.size());
-    target.points.push_back({absl::StrCat("c", index % board.columns, "r", index / board.columns),
-                             point.x(), point.y(), point.z(), sigma_m});
+    const bool is_back = board.SideOf(target.points.size()) == BoardSide::kBack;
+    const int index = static_cast<int>(target.points.size()) % board.side_point_count();
+    target.points.push_back(
+        {absl::StrCat(is_back ? "back-c" : "c", index % board.columns, "r", index / board.columns),
+         point.x(), point.y(), point.z(), sigma_m});
   }
   return target;
 }

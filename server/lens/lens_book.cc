@@ -34,8 +34,9 @@ std::string TooFewViews(const SessionViews& seen) {
 NextView NextViewOf(const Session& session, const SessionCamera& camera, const SessionLens& lens) {
   const absl::StatusOr<Board> board = ParseBoard(session.target.board);
   if (!board.ok()) return {};
-  return AdviseNextView(board->Points(), camera.description.image_size_px, lens.seen.views,
-                        lens.solution ? &*lens.solution : nullptr, !board->HasMarkers());
+  return AdviseNextView(board->OneSide().Points(), camera.description.image_size_px,
+                        lens.seen.views, lens.solution ? &*lens.solution : nullptr,
+                        !board->HasMarkers());
 }
 
 }  // namespace

@@ -306,10 +306,8 @@ ptrdiff_t CountSeen(const SeenBoard& seen) {
                        [](const Eigen::Vector2d& pixel) { return pixel.allFinite(); });
 }
 
-}  // namespace
-
-std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey) {
-  const Markers markers = DetectMarkers(board, grey);
+// A board of one side, whose markers are numbered from 0.
+std::optional<SeenBoard> FindSide(const Board& board, const cv::Mat& grey, const Markers& markers) {
   SeenBoard seen;
   if (board.kind == BoardKind::kAprilGrid) {
     if (markers.size() < kLeastTags || !AreWhereTold(board, markers)) return std::nullopt;
@@ -321,6 +319,29 @@ std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey
   }
   if (!IsEnough(board, seen)) return std::nullopt;
   Complete(board, grey, &seen);
+  return seen;
+}
+
+}  // namespace
+
+std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey) {
+  const Markers markers = DetectMarkers(board, grey);
+  if (!board.IsTwoSided()) return FindSide(board, grey, markers);
+  // One camera sees one side: the one of which more markers are there.
+  Markers front, back;
+  const int count = board.side_marker_count();
+  for (const auto& [id, marker] : markers) {
+    if (id < 2 * count) (id < count ? front : back).emplace(id % count, marker);
+  }
+  const bool is_back = back.size() > front.size();
+  const auto side = FindSide(board.OneSide(), grey, is_back ? back : front);
+  if (!side) return std::nullopt;
+  SeenBoard seen = Unseen(board);
+  const size_t first = is_back ? side->pixels.size() : 0;
+  for (size_t i = 0; i < side->pixels.size(); ++i) {
+    seen.pixels[first + i] = side->pixels[i];
+    seen.sigmas_px[first + i] = side->sigmas_px[i];
+  }
   return seen;
 }
 

@@ -45,8 +45,8 @@ float ColourOf(const Board& board, const Eigen::Vector3f& at) {
 // The pattern of a board with markers, for quick look-up of its black cells.
 class MarkerPattern {
  public:
-  explicit MarkerPattern(const Board& board) : board_(board) {
-    cells_ = MarkerCells(board);
+  MarkerPattern(const Board& board, BoardSide side) : board_(board) {
+    cells_ = MarkerCells(board, side);
     pitch_m_ = cells_[0].side_m;
     for (const BlackCell& cell : cells_) pitch_m_ = std::min(pitch_m_, cell.side_m);
     for (const BlackCell& cell : cells_) {
@@ -120,7 +120,7 @@ cv::Rect BoardRenderer::PartWith(const Board& board, const RigidTransform& cam_f
   constexpr int kSteps = 40;  // along each side of the board
   const cv::Rect all(0, 0, static_cast<int>(image_.width), static_cast<int>(image_.height));
   Eigen::Vector2d low_m(0, 0), high_m(0, 0);
-  for (const Eigen::Vector3d& point : board.Points()) {
+  for (const Eigen::Vector3d& point : board.OneSide().Points()) {
     low_m = low_m.cwiseMin(point.head<2>());
     high_m = high_m.cwiseMax(point.head<2>());
   }
@@ -148,15 +148,18 @@ cv::Rect BoardRenderer::PartWith(const Board& board, const RigidTransform& cam_f
 
 cv::Mat BoardRenderer::Render(const Board& board, const RigidTransform& cam_from_board,
                               double blur_px, double noise_grey, uint64_t seed) const {
-  const RigidTransform board_from_cam = cam_from_board.Inverse();
+  const BoardSide side = board.SideSeenFrom(cam_from_board.SourceFromTargetTranslation());
+  const RigidTransform cam_from_side =
+      side == BoardSide::kBack ? cam_from_board * board.FrontFromBack() : cam_from_board;
+  const RigidTransform board_from_cam = cam_from_side.Inverse();
   const Eigen::Matrix3f turn = board_from_cam.rotation.toRotationMatrix().cast<float>();
   const Eigen::Vector3f eye = board_from_cam.translation_m.cast<float>();
   std::optional<MarkerPattern> markers;
-  if (board.HasMarkers()) markers.emplace(board);
+  if (board.HasMarkers()) markers.emplace(board, side);
   // z points away from who looks at the front, of an April grid towards him.
   const float away = board.kind == BoardKind::kAprilGrid ? -1 : 1;
   cv::Mat1f light(static_cast<int>(image_.height), static_cast<int>(image_.width), kGround);
-  const cv::Rect part = PartWith(board, cam_from_board);
+  const cv::Rect part = PartWith(board, cam_from_side);
   for (int y = part.y; y < part.y + part.height; ++y) {
     for (int x = part.x; x < part.x + part.width; ++x) {
       float sum = 0;

@@ -20,7 +20,8 @@ class BoardRenderer {
   BoardRenderer(const Intrinsics& lens, const ImageSize& image);
 
   // CV_8UC1: the board's black and white on a grey ground, with a white margin as wide as a square.
-  // `blur_px`: sigma of the lens; `noise_grey`: sigma in grey levels, drawn from `seed`.
+  // Of a board with two sides, the one that faces the camera. `blur_px`: sigma of the lens;
+  // `noise_grey`: sigma in grey levels, drawn from `seed`.
   cv::Mat Render(const Board& board, const RigidTransform& cam_from_board, double blur_px,
                  double noise_grey, uint64_t seed = 7) const;
 

@@ -33,7 +33,7 @@ RigidTransform HeldBoard(const Board& board, const Intrinsics& lens, const Image
                          double time_s, uint32_t seed) {
   const double phase = 0.618034 * seed;  // the golden ratio: seeds are spread evenly
   Eigen::Vector3d low_m(0, 0, 0), high_m(0, 0, 0);
-  for (const Eigen::Vector3d& point : board.Points()) {
+  for (const Eigen::Vector3d& point : board.OneSide().Points()) {
     low_m = low_m.cwiseMin(point);
     high_m = high_m.cwiseMax(point);
   }

@@ -79,6 +79,10 @@ absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& o
   world.options_ = options;
   world.target_ = target;
   world.true_target_ = target;
+  if (!target.board.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(const Board board, ParseBoard(target.board));
+    if (board.IsTwoSided()) world.two_sided_ = board;
+  }
   double longer_m = 0;
   for (size_t i = 1; i < target.marker_positions_m.size(); ++i) {
     RandomStream random{options.seed, kLengthPurpose, i};
@@ -121,6 +125,13 @@ WandPose SimulatedWorld::WandAt(double rig_time_s) const {
 Eigen::Vector3d SimulatedWorld::MarkerAt(const WandPose& wand, size_t marker) const {
   if (true_target_.IsLine()) return wand.At(true_target_.marker_positions_m[marker]);
   return wand.origin_m + wand.rotation * PositionOf(true_target_.points[marker]);
+}
+
+bool SimulatedWorld::IsHidden(const SimulatedCamera& camera, const WandPose& wand,
+                              size_t marker) const {
+  const Eigen::Vector3d eye_in_rig = camera.cam_from_rig.SourceFromTargetTranslation();
+  const Eigen::Vector3d eye_in_board = wand.rotation.conjugate() * (eye_in_rig - wand.origin_m);
+  return two_sided_->SideOf(marker) != two_sided_->SideSeenFrom(eye_in_board);
 }
 
 int SimulatedWorld::FrameCount(int camera) const {
@@ -209,7 +220,10 @@ Observation SimulatedWorld::ObserveMoving(int camera, int index, const MovingWan
     const double noise_x = draw.Gaussian();
     const double noise_y = draw.Gaussian();
     Eigen::Vector2d pixel;
-    if (in_gap || dropped || !ImageOfMarker(c, wand_after, m, &pixel)) continue;
+    if (in_gap || dropped || (two_sided_ && IsHidden(c, wand_after(0), m)) ||
+        !ImageOfMarker(c, wand_after, m, &pixel)) {
+      continue;
+    }
     if (!InsideImage(size, pixel)) continue;
     pixel += options_.noise_px * Eigen::Vector2d(noise_x, noise_y);
     if (outlier) pixel = {anywhere_x, anywhere_y};

@@ -4,9 +4,11 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/board/board.h"
 #include "common/camera/camera_description.h"
 #include "common/geometry/rigid_transform.h"
 #include "common/simulation/world/simulation_options.h"
@@ -65,7 +67,8 @@ class SimulatedWorld {
 
   // Smooth, with continuous acceleration.
   WandPose WandAt(double rig_time_s) const;
-  // x_in_rig of a marker of the true target. Every camera sees it from all sides.
+  // x_in_rig of a marker of the true target. Every camera sees it from all sides, but of a board
+  // with two sides those of the side that faces it.
   Eigen::Vector3d MarkerAt(const WandPose& wand, size_t marker) const;
 
   // Frames of a camera, in capture order.
@@ -90,12 +93,15 @@ class SimulatedWorld {
   // Of a marker of the true target, at the time of the row it is in. False: it has no image.
   bool ImageOfMarker(const SimulatedCamera& camera, const MovingWand& wand_after, size_t marker,
                      Eigen::Vector2d* pixel) const;
+  // Of a marker of `two_sided_`: it is on the side that the camera does not see.
+  bool IsHidden(const SimulatedCamera& camera, const WandPose& wand, size_t marker) const;
   size_t MarkerCount() const { return static_cast<size_t>(true_target_.marker_count()); }
   bool ShowsSecondWand(int camera, int index) const;
 
   SimulationOptions options_;
   Target target_;
   Target true_target_;
+  std::optional<Board> two_sided_;  // the target, where it is such a board
   std::vector<SimulatedCamera> cameras_;
   WandTrajectory trajectory_;
 };

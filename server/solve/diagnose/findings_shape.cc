@@ -17,6 +17,8 @@ namespace {
 // Of the points from where they were given, over their sigma: in the mean, and of one alone.
 constexpr double kShapeSigmas = 2;
 constexpr double kOnePointSigmas = 6;
+// Likewise of the whole back of a board with two sides.
+constexpr double kBackSigmas = 2;
 // Of the error, that goes away when points that were given as exact are estimated.
 constexpr double kLeastGain = 0.1;
 // Of the target's extent: the sigma that points have where the images alone are to say where they
@@ -96,6 +98,22 @@ std::string BoardText(const SolvedShape& shape, double* scale) {
           ": it is bent by %.1f mm. That was estimated, and its sigma held it back: glue the print "
           "on something stiff, or calibrate again with --target %s;flatness=%.4f",
           1e3 * misfit.found, shape.given.board, std::max(misfit.found, 2 * shape.sigma_m));
+    case MisfitCause::kThickness: {
+      if (!(misfit.found > 0)) break;
+      Board better = *board;
+      better.thickness_m = std::round(1e4 * misfit.found) / 1e4;
+      return absl::StrFormat(
+          ": its two sides are %.1f mm apart, not %.1f mm. Measure the board with both prints on "
+          "it, and calibrate again with --target %s; cameras that face each other across it are "
+          "off by as much, or by more where its points were given as exact",
+          1e3 * misfit.found, 1e3 * board->thickness_m, FormatBoard(better));
+    }
+    case MisfitCause::kShift:
+      return absl::StrFormat(
+          ": its back is %.1f mm beside its place behind the front. Glue both sheets on so that "
+          "their crosses lie behind each other, or calibrate again with --target %s;flatness=%.4f, "
+          "which estimates it",
+          1e3 * misfit.found, shape.given.board, std::max(misfit.found, 2 * shape.sigma_m));
     case MisfitCause::kUnknown:
       break;
   }
@@ -106,6 +124,11 @@ std::string BoardText(const SolvedShape& shape, double* scale) {
 
 bool IsAsGiven(const SolvedShape& shape, double sigma_m) {
   const ShapeMisfit misfit = CompareShapes(shape.given_m, shape.found_m);
+  if (const absl::StatusOr<Board> board = ParseBoard(shape.given.board);
+      board.ok() && board->IsTwoSided() &&
+      !(BackOffset(*board, shape.found_m).norm() < kBackSigmas * sigma_m)) {
+    return false;
+  }
   // Three coordinates have the sigma.
   return misfit.rms_m < kShapeSigmas * std::sqrt(3.0) * sigma_m &&
          misfit.worst_m < kOnePointSigmas * std::sqrt(3.0) * sigma_m;

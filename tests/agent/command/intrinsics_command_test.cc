@@ -103,6 +103,39 @@ TEST(IntrinsicsCommand, FindsAFisheyeFromAFolderOfPictures) {
                   WavedBoard(board, KnownFisheye(), kKnownImage, 25, 0.18, 0.25, 0.7, 6, 0.6));
 }
 
+// Every second picture shows the back.
+TEST(IntrinsicsCommand, TakesPicturesOfBothSidesOfABoard) {
+  const TemporaryDirectory folder;
+  const Board board = *ParseBoard("board:charuco,9x7,0.025,0.018,5x5_100,two-sided=0.005");
+  const Intrinsics lens = KnownPinhole();
+  auto poses = WavedBoard(board, lens, kKnownImage, 24, 0.33, 0.45, 0.7, 5, 0.5);
+  // Half a turn about the vertical middle line of the board.
+  const RigidTransform half_turn(Eigen::Quaterniond(0, 0, 1, 0), Eigen::Vector3d(0.175, 0, 0.005));
+  for (size_t i = 1; i < poses.size(); i += 2) poses[i] = poses[i] * half_turn;
+  Render(board, lens, poses, folder.path() / "left");
+  const std::string file = folder.path() / "lens.yaml";
+  std::vector<std::string> command = {(folder.path() / "left").string(),
+                                      "--board",
+                                      FormatBoard(board),
+                                      "--output",
+                                      file,
+                                      "-o",
+                                      "json"};
+  const Outcome outcome = RunIntrinsics(command);
+  ASSERT_THAT(outcome.status, IsOk());
+  EXPECT_EQ(nlohmann::json::parse(outcome.out)["views"], 24) << outcome.out;
+  const auto read = ReadIntrinsicsFile(file);
+  ASSERT_THAT(read, IsOk());
+  const auto difference = CompareLenses(lens, read->intrinsics, kKnownImage);
+  ASSERT_THAT(difference, IsOk());
+  EXPECT_LE(difference->p95_px, 0.1);
+  // mrcal has no place for a second side.
+  command.insert(command.end(), {"--force", "--corners", (folder.path() / "c.vnl").string()});
+  EXPECT_THAT(RunIntrinsics(command).status,
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       HasSubstr("the front alone, board:charuco,9x7,0.025,0.018,5x5_100")));
+}
+
 TEST(IntrinsicsCommand, FindsTheLensOfASimulatedCamera) {
   const TemporaryDirectory folder;
   const std::string file = folder.path() / "lens.yaml";

@@ -44,6 +44,28 @@ TEST(BoardCommand, PrintsOnceUnlessForced) {
   EXPECT_EQ(Rigcal(forced).exit_code, 0);
 }
 
+TEST(BoardCommand, PrintsTheBackBesideTheFront) {
+  const rigcal::testing::TemporaryDirectory folder;
+  const std::filesystem::path front = std::filesystem::path(folder.path()) / "board.svg";
+  const std::filesystem::path back = std::filesystem::path(folder.path()) / "board.back.svg";
+  const std::vector<std::string> command = {
+      "board", "print", "board:charuco,10x7,0.025,0.018,5x5_100,two-sided=0.004", "--output",
+      front.string()};
+  const CommandOutcome printed = Rigcal(command);
+  EXPECT_EQ(printed.exit_code, 0) << printed.err;
+  EXPECT_THAT(printed.out, HasSubstr(back.string()));
+  const auto text = [](const std::filesystem::path& file) {
+    std::ifstream stream(file);
+    return std::string{std::istreambuf_iterator<char>(stream), {}};
+  };
+  EXPECT_THAT(text(front), HasSubstr("(front)"));
+  EXPECT_THAT(text(back), HasSubstr("(back)"));
+  // A back that is there is not overwritten, nor is the front without it.
+  std::filesystem::remove(front);
+  EXPECT_EQ(Rigcal(command).exit_code, 1);
+  EXPECT_FALSE(std::filesystem::exists(front));
+}
+
 TEST(BoardCommand, AWrongBoardIsAUsageError) {
   const CommandOutcome wrong = Rigcal({"board", "show", "board:checker,9x6,30"});
   EXPECT_EQ(wrong.exit_code, 2);

@@ -78,6 +78,51 @@ TEST(BoardDrawing, RulerIsAHundredMillimetres) {
   }
 }
 
+// Of both sheets, with x counted from the right on the back: what is pierced through.
+TEST(BoardDrawing, BothSheetsOfABoardLieOnEachOther) {
+  for (const char* text : {"board:charuco,10x7,0.025,0.018,5x5_100,two-sided=0.004",
+                           "board:aprilgrid,3x3,0.02,0.3,two-sided=0.004"}) {
+    const Board board = *ParseBoard(text);
+    const std::string front = BoardSvg(board), back = BoardSvg(board, BoardSide::kBack);
+    const BoardSheet sheet = SheetOf(board);
+    const auto points = board.Points();
+    const double up = board.kind == BoardKind::kAprilGrid ? -1 : 1;
+    for (int i = 0; i < board.side_point_count(); ++i) {
+      // Both fronts have the same layout on their sheets.
+      const Eigen::Vector3d& own = points[static_cast<size_t>(i)];
+      const Eigen::Vector3d& behind = points[static_cast<size_t>(board.side_point_count() + i)];
+      const double from_right = sheet.width_mm - (sheet.first_point_x_mm + 1000 * own.x());
+      EXPECT_NEAR(from_right, sheet.first_point_x_mm + 1000 * behind.x(), 1e-9);
+      EXPECT_EQ(up * own.y(), up * behind.y());
+    }
+    const std::string cross =
+        "<line x1=\"([0-9.]+)\" y1=\"([0-9.]+)\" x2=\"([0-9.]+)\" y2=\"([0-9.]+)\"/>";
+    const auto crosses_of = [&](const std::string& svg) {
+      const size_t begin = svg.find("id=\"crosses\"");
+      return Elements(svg.substr(begin, svg.find("</g>", begin) - begin), cross);
+    };
+    const auto crosses = crosses_of(front);
+    ASSERT_EQ(crosses.size(), 8u);  // four of two lines
+    EXPECT_EQ(crosses, crosses_of(back));
+    double left = 1e9, right = 0;
+    for (const auto& line : crosses) {
+      const double x = 0.5 * (line[0] + line[2]);
+      left = std::min(left, x);
+      right = std::max(right, x);
+    }
+    EXPECT_NEAR(left, sheet.width_mm - right, 1e-9);
+    EXPECT_LT(left, sheet.margin_mm);
+    EXPECT_NE(front, back);
+    EXPECT_THAT(front, HasSubstr(std::string(">") + text + " (front)<"));
+    EXPECT_THAT(back, HasSubstr(std::string(">") + text + " (back)<"));
+    EXPECT_THAT(DescribeBoard(board), HasSubstr("two sides, 4 mm from print to print"));
+  }
+  // The back has markers of its own, whatever the front has.
+  const Board board = *ParseBoard("board:charuco,10x7,0.025,0.018,5x5_100,two-sided=0.004");
+  EXPECT_EQ(BoardSvg(board).find("crosses") == std::string::npos, false);
+  EXPECT_EQ(BoardSvg(board.OneSide()).find("crosses"), std::string::npos);
+}
+
 TEST(BoardDrawing, DescriptionSaysSizesAndPaper) {
   const std::string text = DescribeBoard(*ParseBoard("board:checker,9x6,0.025"));
   EXPECT_THAT(text, HasSubstr("9 x 6 inner corners, which are 10 x 7 squares of 25 mm"));

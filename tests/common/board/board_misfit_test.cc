@@ -35,6 +35,33 @@ TEST(ShapeMisfit, HasTheOnePointThatIsOff) {
   EXPECT_LT(CompareShapes(given, Found(given, 1)).rms_m, 0.0002);
 }
 
+TEST(BoardMisfit, TellsTwoSidesThatAreFurtherApartOrShifted) {
+  for (const char* text : {"board:charuco,10x7,0.025,0.018,5x5_100,two-sided=0.004",
+                           "board:aprilgrid,4x4,0.04,0.3,two-sided=0.004"}) {
+    const Board told = *ParseBoard(text);
+    for (const double thickness_m : {0.0025, 0.006, 0.01}) {
+      Board print = told;
+      print.thickness_m = thickness_m;
+      const Points found = Found(print.Points(), 0.98);
+      EXPECT_NEAR(BackOffset(told, found).head<2>().norm(), 0, 0.0001);
+      const BoardMisfit misfit = ExplainBoardMisfit(told, found);
+      EXPECT_EQ(misfit.cause, MisfitCause::kThickness) << text << " " << thickness_m;
+      EXPECT_NEAR(misfit.found, thickness_m, 0.0002);
+      EXPECT_NEAR(misfit.scale, 0.98, 0.001);
+    }
+    Points shifted = told.Points();
+    for (size_t i = shifted.size() / 2; i < shifted.size(); ++i) shifted[i].x() -= 0.003;
+    const BoardMisfit misfit = ExplainBoardMisfit(told, Found(shifted, 1));
+    EXPECT_EQ(misfit.cause, MisfitCause::kShift);
+    EXPECT_NEAR(misfit.found, 0.003, 0.0001);
+    EXPECT_NEAR(BackOffset(told, Found(shifted, 1)).x(), -0.003, 0.0001);
+    // A bend is one of both sides together.
+    Points bent = told.Points();
+    for (Eigen::Vector3d& point : bent) point.z() += 0.003 * std::pow((point.x() - 0.1) / 0.1, 2);
+    EXPECT_EQ(ExplainBoardMisfit(told, Found(bent, 1)).cause, MisfitCause::kBend);
+  }
+}
+
 TEST(BoardMisfit, TellsTheGapOfAnAprilGrid) {
   const Board told = *ParseBoard("board:aprilgrid,6x6,0.088,0.3");
   for (const double gap : {0.2, 0.27, 0.35, 0.5}) {

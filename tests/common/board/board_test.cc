@@ -11,13 +11,15 @@ namespace {
 
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 TEST(Board, ReadsAndWritesEveryKind) {
   for (const char* text :
        {"board:checker,9x6,0.03", "board:circles,4x11,0.02", "board:circles-symmetric,9x7,0.0125",
         "board:circles,4x11,0.02,0.012", "board:charuco,8x6,0.03,0.022,5x5_100",
-        "board:aprilgrid,6x6,0.088,0.3"}) {
+        "board:aprilgrid,6x6,0.088,0.3", "board:charuco,10x7,0.025,0.018,5x5_100,two-sided=0.004",
+        "board:aprilgrid,5x4,0.04,0.3,two-sided=0.0125"}) {
     const absl::StatusOr<Board> board = ParseBoard(text);
     ASSERT_THAT(board.status(), IsOk());
     EXPECT_EQ(FormatBoard(*board), text);
@@ -64,6 +66,65 @@ TEST(Board, KnowsItsTwin) {
   EXPECT_TRUE(ParseBoard("board:checker,9x7,0.03")->HasTwin());
   EXPECT_FALSE(ParseBoard("board:circles,4x11,0.03")->HasTwin());
   EXPECT_TRUE(ParseBoard("board:circles-symmetric,4x11,0.03")->HasTwin());
+}
+
+// As Board says: upright from behind, its columns from right to left, its rows as the front's.
+TEST(Board, TheBackIsBehindTheFrontTurnedAboutTheVertical) {
+  for (const char* text : {"board:charuco,10x7,0.025,0.018,5x5_100,two-sided=0.004",
+                           "board:aprilgrid,5x4,0.04,0.3,two-sided=0.004"}) {
+    const Board board = *ParseBoard(text);
+    const auto points = board.Points();
+    const auto front = board.OneSide().Points();
+    const size_t count = front.size();
+    ASSERT_EQ(points.size(), 2 * count);
+    EXPECT_EQ(board.point_count(), static_cast<int>(2 * count));
+    const double depth_m = board.kind == BoardKind::kAprilGrid ? -0.004 : 0.004;
+    const Eigen::Vector3d behind(0.1, 0.1, 100 * depth_m), before(0.1, 0.1, -100 * depth_m);
+    EXPECT_EQ(board.SideSeenFrom(before), BoardSide::kFront);
+    EXPECT_EQ(board.SideSeenFrom(behind), BoardSide::kBack);
+    EXPECT_EQ(board.OneSide().SideSeenFrom(behind), BoardSide::kFront);
+    for (size_t i = 0; i < count; ++i) {
+      const size_t columns = static_cast<size_t>(board.columns), column = i % columns;
+      EXPECT_EQ(points[i], front[i]);
+      EXPECT_EQ(board.SideOf(i), BoardSide::kFront);
+      EXPECT_EQ(board.SideOf(count + i), BoardSide::kBack);
+      const Eigen::Vector3d& opposite = front[i - column + (columns - 1 - column)];
+      const Eigen::Vector3d shift = points[count + i] - opposite;
+      EXPECT_LT((shift - Eigen::Vector3d(0, 0, depth_m)).norm(), 1e-12) << text << " " << i;
+      EXPECT_LT((board.FrontFromBack() * front[i] - points[count + i]).norm(), 1e-12);
+    }
+  }
+}
+
+TEST(Board, CountsTheMarkersOfBothSides) {
+  EXPECT_EQ(ParseBoard("board:charuco,10x7,0.025,0.018,5x5_100")->side_marker_count(), 35);
+  EXPECT_EQ(ParseBoard("board:charuco,7x5,0.025,0.018,5x5_100")->side_marker_count(), 17);
+  EXPECT_EQ(ParseBoard("board:aprilgrid,5x4,0.04,0.3,two-sided=0.004")->side_marker_count(), 20);
+  EXPECT_EQ(ParseBoard("board:checker,9x6,0.03")->side_marker_count(), 0);
+  EXPECT_THAT(ParseBoard("board:charuco,10x7,0.025,0.018,5x5_50"), IsOk());
+  EXPECT_THAT(ParseBoard("board:charuco,10x7,0.025,0.018,5x5_50,two-sided=0.004"),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       HasSubstr("70 markers on both sides, and the dictionary 5x5_50 has 50")));
+}
+
+TEST(Board, RefusesSidesThatAreNone) {
+  const auto fault = [](const std::string& sides,
+                        const char* board = "board:charuco,10x7,0.025,0.018,5x5_100") {
+    return std::string(ParseBoard(board + ("," + sides)).status().message());
+  };
+  EXPECT_THAT(fault("two-sided=4"), HasSubstr("4 m apart? It is given in metres: 4 mm are 0.004"));
+  EXPECT_THAT(fault("two-sided=0"), HasSubstr("0 m apart; leave two-sided= out"));
+  EXPECT_THAT(fault("two-sided=-0.004"), HasSubstr("the distance of the two sides is -0.004 m"));
+  EXPECT_THAT(fault("two-sided=0.0001"), HasSubstr("the distance of the two sides is 0.0001 m"));
+  EXPECT_THAT(fault("two-sided=nan"), HasSubstr("\"nan\" is no number of metres"));
+  EXPECT_THAT(fault("two-sided="), HasSubstr("\"\" is no number of metres"));
+  EXPECT_THAT(fault("two-sided"), HasSubstr("6 parts"));
+  EXPECT_THAT(fault("two-sided=0.004,two-sided=0.004"), HasSubstr("6 parts"));
+  for (const char* plain :
+       {"board:checker,9x6,0.03", "board:circles,4x11,0.02", "board:circles,4x11,0.02,0.012"}) {
+    EXPECT_THAT(fault("two-sided=0.004", plain),
+                AllOf(HasSubstr("cannot be told apart"), HasSubstr("take a ChArUco board")));
+  }
 }
 
 TEST(Board, QuotesWhatIsWrong) {

@@ -103,6 +103,49 @@ TEST(SolveLens, AFlatBoardIsNotBent) {
   }
 }
 
+// Every second view shows the back. A bend is one of both sides together.
+TEST(SolveLens, TakesViewsOfBothSidesOfABoard) {
+  const Intrinsics lens = KnownPinhole();
+  const Board board = *ParseBoard("board:charuco,10x7,0.03,0.022,5x5_100,two-sided=0.01");
+  const auto poses = WavedBoard(board, lens, kKnownImage, 36, 0.3, 0.6, 0.7, 3, 0.85);
+  for (const double height_m : {0.0, 0.002}) {
+    std::mt19937 random(5);
+    std::normal_distribution<double> noise(0, kNoisePx);
+    std::vector<BoardView> views;
+    for (size_t i = 0; i < poses.size(); ++i) {
+      const bool is_back = i % 2 == 1;
+      // Turned about the middle of the board, as who holds it turns it.
+      const RigidTransform half_turn(Eigen::Quaterniond(0, 0, 1, 0),
+                                     Eigen::Vector3d(0.24, 0, 0.01));
+      const RigidTransform pose = is_back ? poses[i] * half_turn : poses[i];
+      BoardView view;
+      view.name = "view " + std::to_string(i);
+      const auto points = board.Points();
+      for (size_t p = 0; p < points.size(); ++p) {
+        if ((board.SideOf(p) == BoardSide::kBack) != is_back) continue;
+        Eigen::Vector3d at = points[p];
+        at.z() += height_m * std::pow((at.x() - 0.12) / 0.12, 2);
+        Eigen::Vector2d pixel;
+        ASSERT_TRUE(Project(lens, pose * at, &pixel));
+        pixel += Eigen::Vector2d(noise(random), noise(random));
+        view.corners.push_back({points[p], pixel});
+      }
+      views.push_back(std::move(view));
+    }
+    const auto solved = SolveLens(views, kKnownImage);
+    ASSERT_THAT(solved, IsOk());
+    EXPECT_EQ(solved->views, 36);
+    EXPECT_NEAR(solved->rms_px, kNoisePx * std::sqrt(2.0), 0.01);
+    const auto difference = CompareLenses(lens, solved->intrinsics, kKnownImage);
+    ASSERT_THAT(difference, IsOk());
+    EXPECT_LT(difference->p95_px, 0.1);
+    ASSERT_EQ(solved->bend.has_value(), height_m > 0);
+    if (solved->bend) {
+      EXPECT_NEAR(solved->bend->height_m.x(), height_m, 0.0003);
+    }
+  }
+}
+
 TEST(SolveLens, AFisheyeSolvedAsAPinholeIsWorse) {
   const auto views = Views(KnownFisheye(), 30);
   const auto fisheye = SolveLens(views, kKnownImage, {.model = LensModel::kFisheye});

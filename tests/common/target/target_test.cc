@@ -75,6 +75,14 @@ TEST(ParseTarget, ReadsABoard) {
   EXPECT_THAT(CheckDetectable(*target), IsOk());
   EXPECT_FALSE(CheckIsLine(*target).ok());
   EXPECT_EQ(FormatTarget(*target), "board:checker,9x6,0.03");
+  const std::string two_sided = "board:charuco,10x7,0.025,0.018,5x5_100,two-sided=0.004";
+  const auto both = ParseTarget(two_sided + ";flatness=0.002");
+  ASSERT_THAT(both, IsOk());
+  ASSERT_EQ(both->points.size(), 108u);
+  EXPECT_EQ(both->points[1].label, "c1r0");
+  EXPECT_EQ(both->points[55].label, "back-c1r0");
+  EXPECT_EQ(both->points[55].z_m, 0.004);
+  EXPECT_EQ(FormatTarget(*both), two_sided + ";flatness=0.002");
   const auto exact = ParseTarget("board:circles,4x11,0.020;flatness=0");
   ASSERT_THAT(exact, IsOk());
   EXPECT_EQ(exact->points[0].sigma_m, 0);
@@ -90,6 +98,8 @@ TEST(ParseTarget, RefusesBoardsThatNobodyCanUse) {
   EXPECT_THAT(message("board:circles-symmetric,9x6,0.03"), HasSubstr("turned by 180 degrees"));
   EXPECT_THAT(message("board:checker,20x11,0.03"), HasSubstr("at most 200"));
   EXPECT_THAT(message("board:checker,9x6,30"), HasSubstr("metres"));
+  EXPECT_THAT(message("board:aprilgrid,6x6,0.088,0.3,two-sided=0.004"),
+              HasSubstr("288 points on both sides, a target has at most 200: take one with fewer"));
   EXPECT_THAT(message("board:checker,9x6"), HasSubstr("board:checker,9x6,0.03"));
   EXPECT_THAT(message("board:checker,9x6,0.03;flatness=flat"), HasSubstr("flatness"));
   EXPECT_THAT(message("board:checker,9x6,0.03;flatness=-1"), HasSubstr("the flatness is -1 m"));

@@ -203,6 +203,46 @@ TEST(BoardDetector, FindsBoardsWithMarkersAlsoInPart) {
   }
 }
 
+// The same place in space, seen from behind.
+TEST(BoardDetector, TellsTheSidesOfABoardByTheirMarkers) {
+  const Intrinsics lens = KnownPinhole();
+  const BoardRenderer renderer(lens, kKnownImage);
+  for (const char* text : {"board:charuco,8x6,0.04,0.028,5x5_100,two-sided=0.006",
+                           "board:charuco,7x5,0.045,0.03,4x4_50,two-sided=0.006",
+                           "board:aprilgrid,5x4,0.05,0.3,two-sided=0.006"}) {
+    const Board board = *ParseBoard(text);
+    const auto points = board.Points();
+    for (const Eigen::Vector3d& turn : {Eigen::Vector3d(0, 0, 0.1), Eigen::Vector3d(0.4, 0.3, 3)}) {
+      for (const bool is_back : {false, true}) {
+        RigidTransform pose = BoardAt(board, lens, Eigen::Vector2d(320, 240), 0.5,
+                                      turn + Eigen::Vector3d(0, is_back ? M_PI : 0, 0));
+        if (board.kind == BoardKind::kAprilGrid) pose = UpsideDown(pose, board);
+        const cv::Mat image = renderer.Render(board, pose, kLensBlurPx, 1);
+        const auto seen = FindBoard(board, MonoView(image));
+        ASSERT_THAT(seen, IsOk());
+        ASSERT_TRUE(seen->has_value()) << text << " turn " << turn.transpose() << " " << is_back;
+        ASSERT_EQ((*seen)->pixels.size(), points.size());
+        std::vector<double> errors;
+        for (size_t i = 0; i < points.size(); ++i) {
+          if (!(*seen)->Sees(i)) continue;
+          EXPECT_EQ(board.SideOf(i), is_back ? BoardSide::kBack : BoardSide::kFront);
+          Eigen::Vector2d pixel;
+          ASSERT_TRUE(Project(lens, pose * points[i], &pixel));
+          errors.push_back(((*seen)->pixels[i] - pixel).norm());
+        }
+        // A thickness of 6 mm is 6 px at the border of the board.
+        EXPECT_GT(errors.size(), 0.4 * static_cast<double>(points.size()));
+        EXPECT_LT(Median(errors), 0.03) << text << " turn " << turn.transpose() << " " << is_back;
+        EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 0.15);
+        // Told as a board of one side, its front alone is one.
+        const auto front = FindBoard(board.OneSide(), MonoView(image));
+        ASSERT_THAT(front, IsOk());
+        EXPECT_EQ(front->has_value(), !is_back);
+      }
+    }
+  }
+}
+
 TEST(BoardDetector, ReadsChArUcoBoardsOfTheOldLayout) {
   // With an even number of rows of squares, OpenCV before 4.6 drew the upper left square white.
   const Board board = *ParseBoard("board:charuco,8x6,0.04,0.028,5x5_100");

@@ -379,6 +379,34 @@ TEST(SimulatedWorld, EveryCameraSeesTheWandOftenAndTheOverlapIsConnected) {
   }
 }
 
+TEST(SimulatedWorld, ACameraSeesOneSideOfABoard) {
+  const Target target =
+      *ParseTarget("board:charuco,7x5,0.06,0.045,5x5_100,two-sided=0.005;flatness=0");
+  const SimulatedWorld world =
+      *SimulatedWorld::Create(*ParseSimulationOptions("cameras=6;duration=6;outliers=0"), target);
+  const Board board = *ParseBoard(target.board);
+  int rows[2] = {0, 0};
+  for (int c = 0; c < 6; ++c) {
+    const SimulatedCamera& camera = world.cameras()[static_cast<size_t>(c)];
+    for (int k = 0; k < world.FrameCount(c); ++k) {
+      const Observation observation = world.Observe(c, k);
+      const WandPose pose = world.WandAt(world.FrameRigTime(c, k));
+      const Eigen::Vector3d eye =
+          Eigen::Quaterniond(pose.rotation).conjugate() *
+          (camera.cam_from_rig.SourceFromTargetTranslation() - pose.origin_m);
+      int seen[2] = {0, 0};
+      for (size_t m = 0; m < observation.markers.size(); ++m) {
+        if (observation.markers[m].visible) ++seen[m < 24 ? 0 : 1];
+      }
+      // Its z points away from who looks at the front.
+      EXPECT_EQ(eye.z() > 0.0025 ? seen[0] : seen[1], 0);
+      for (const int side : {0, 1}) rows[side] += seen[side] > 0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(rows[0], 50);
+  EXPECT_GT(rows[1], 50);
+}
+
 TEST(SimulatedWorld, SimulatesAPointAndSixteenMarkers) {
   for (const char* text :
        {"point", "wand:0,0.1,0.2,0.3,0.4,0.5,0.6,0.7,0.8,0.9,1,1.1,1.2,1.3,1.4,1.5"}) {

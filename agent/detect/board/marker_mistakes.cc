@@ -92,7 +92,7 @@ std::string OtherLayoutText(const Board& board, const SeenMarkers& seen) {
   const bool is_april = board.kind == BoardKind::kAprilGrid;
   const int across = is_april ? board.columns / 2 : board.columns + 1;
   const int down = is_april ? board.rows / 2 : board.rows + 1;
-  const int markers = is_april ? across * down : across * down / 2;
+  const int markers = (board.IsTwoSided() ? 2 : 1) * board.side_marker_count();
   return absl::StrCat(
       "their markers are of the right kind, with numbers up to ", seen.highest,
       seen.highest >= markers ? ", and " : ", but not where ", across, "x", down,

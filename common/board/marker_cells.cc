@@ -52,14 +52,14 @@ void AddMarker(const cv::aruco::Dictionary& dictionary, int id, int border_bits,
   }
 }
 
-std::vector<BlackCell> CharucoCells(const Board& board) {
+std::vector<BlackCell> CharucoCells(const Board& board, int marker_parity) {
   const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryOf(board));
   const double side_m = board.spacing_m, inset_m = 0.5 * (side_m - board.marker_m);
   std::vector<BlackCell> cells;
   int id = 0;
   for (int row = 0; row <= board.rows; ++row) {
     for (int column = 0; column <= board.columns; ++column) {
-      if ((row + column) % 2 == 0) {
+      if ((row + column) % 2 != marker_parity) {
         cells.push_back({column * side_m, row * side_m, side_m});
         continue;
       }
@@ -100,8 +100,9 @@ int DictionaryOf(const Board& board) {
   return cv::aruco::DICT_APRILTAG_36h11;
 }
 
-std::vector<BlackCell> MarkerCells(const Board& board) {
-  return board.kind == BoardKind::kCharuco ? CharucoCells(board) : AprilGridCells(board);
+std::vector<BlackCell> MarkerCells(const Board& board, int marker_parity) {
+  return board.kind == BoardKind::kCharuco ? CharucoCells(board, marker_parity)
+                                           : AprilGridCells(board);
 }
 
 }  // namespace rigcal

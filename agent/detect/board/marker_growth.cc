@@ -1,0 +1,397 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/board/marker_growth.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+#include <utility>
+
+#include "agent/detect/board/local_plane.h"
+#include "agent/detect/board/pattern_fit.h"
+#include "agent/detect/board/printed_pattern.h"
+#include "common/statistics/robust_statistics.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kLeastCorners = 6;
+constexpr double kFirstBlurPx = 0.9;
+// A marker up to this side is fitted as a whole, which mends corners that are pixels off; a larger
+// one is large for them.
+constexpr double kMostWholeMarkerPx = 32;
+constexpr double kMarkerWindowShare = 0.6;
+constexpr int kLeastMarkerHalfPx = 5, kMostMarkerHalfPx = 18;
+// OpenCV's corners of a tag are off along its diagonals, as the squares there touch them.
+constexpr double kTagShifts[] = {0, -1.5, 1.5, -3};
+constexpr double kLeastMarkerCorrelation = 0.75, kSureMarkerCorrelation = 0.9;
+constexpr int kMostStarts = 5;  // markers from which a board is grown
+
+// Around a point: a window of a share of the mean distance to the next points, and how far a
+// prediction is searched, a share of it.
+constexpr double kPointWindowShare = 0.45;
+constexpr int kLeastPointHalfPx = 4, kMostPointHalfPx = 8;
+constexpr double kSearchShare = 0.1;
+constexpr int kLeastSearchPx = 1, kMostSearchPx = 4;
+constexpr double kLeastPointCorrelation = 0.85;
+// From what a prediction may be off, pixels, or a share of the distance of points.
+constexpr double kOffPx = 1.5, kOffShare = 0.15;
+// Points that predict another one: the nearest of them is at most so many squares or tags away, the
+// others not much further (a ratio of squared distances).
+constexpr size_t kLeastPredictors = 4, kMostPredictors = 8;
+constexpr double kPredictorReach = 1.05, kFarPredictorReach = 6;
+constexpr int kMostRounds = 60;
+// A point is a stray where its neighbours expect it so far away.
+constexpr double kStrayPx = 0.7, kStrayShare = 0.03;
+// So many sides away a marker is not where the points have it.
+constexpr double kElsewhereShare = 0.7;
+// Of the bits of all markers.
+constexpr double kLeastBitCorrelation = 0.5;
+constexpr int kLeastRightMarkers = 2;
+constexpr double kPlacesPerMarker = 45;  // along the side of one, drawn for its bits
+
+SeenBoard NothingSeen(size_t count) {
+  SeenBoard seen;
+  seen.pixels.assign(count, Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  seen.sigmas_px.assign(count, 0);
+  return seen;
+}
+
+// Enough of it is seen for a pose.
+bool IsEnough(const Board& board, const SeenBoard& seen) {
+  int count = 0, first_row = board.rows, last_row = -1, first_column = board.columns,
+      last_column = -1;
+  for (int i = 0; i < board.point_count(); ++i) {
+    if (!seen.Sees(static_cast<size_t>(i))) continue;
+    ++count;
+    first_row = std::min(first_row, i / board.columns);
+    last_row = std::max(last_row, i / board.columns);
+    first_column = std::min(first_column, i % board.columns);
+    last_column = std::max(last_column, i % board.columns);
+  }
+  return count >= kLeastCorners && last_row > first_row && last_column > first_column;
+}
+
+double LongestSide(const std::array<Eigen::Vector2d, 4>& corners) {
+  double longest = 0;
+  for (size_t i = 0; i < 4; ++i) {
+    longest = std::max(longest, (corners[(i + 1) % 4] - corners[i]).norm());
+  }
+  return longest;
+}
+
+class Growth {
+ public:
+  Growth(const Board& board, const cv::Mat& grey, const PrintedPattern& pattern)
+      : board_(board),
+        grey_(grey),
+        pattern_(pattern),
+        seen_(NothingSeen(pattern.points().size())) {}
+
+  // False: it shows no such marker.
+  bool Begin(const FoundMarker& marker) {
+    const auto corners = pattern_.markers().find(marker.id);
+    if (corners == pattern_.markers().end()) return false;
+    const auto plane = PlaneOf(marker, corners->second);
+    if (!plane) return false;
+    const Eigen::Vector2d middle = 0.5 * (corners->second[0] + corners->second[2]);
+    for (const Eigen::Vector2d& corner : corners->second) {
+      support_.emplace_back(corner, plane->At(corner));
+    }
+    const double reach_m = 0.75 * board_.spacing_m;
+    for (size_t i = 0; i < pattern_.points().size(); ++i) {
+      if ((pattern_.points()[i] - middle).norm() < reach_m) Prove(i, *plane);
+    }
+    return true;
+  }
+
+  void Grow() {
+    std::vector<size_t> known_before(pattern_.points().size(), 0);
+    for (int round = 0; round < kMostRounds; ++round) {
+      const SeenBoard known = seen_;
+      bool has_more = false;
+      for (size_t i = 0; i < pattern_.points().size(); ++i) {
+        if (known.Sees(i)) continue;
+        size_t nearby = 0;
+        const auto plane = Predict(known, i, true, &nearby);
+        // Nothing is new there since it was tried.
+        if (!plane || nearby == known_before[i]) continue;
+        known_before[i] = nearby;
+        has_more = Prove(i, *plane) || has_more;
+      }
+      if (!has_more) return;
+    }
+  }
+
+  // Each point once more, with neighbours to all sides that say how the pattern lies there.
+  void Refine() {
+    if (blurs_px_.empty()) return;
+    blur_px_ = UpperMedian(blurs_px_);
+    const SeenBoard known = seen_;
+    for (size_t i = 0; i < pattern_.points().size(); ++i) {
+      if (!known.Sees(i)) continue;
+      size_t nearby = 0;
+      const auto plane = Predict(known, i, false, &nearby);
+      if (!plane) continue;
+      Fit(i, plane->Moved(known.pixels[i] - plane->At(pattern_.points()[i])), 0);
+    }
+  }
+
+  // Points that are not where their neighbours expect them, the worst first.
+  void DropStrays() {
+    for (;;) {
+      size_t worst = 0;
+      double worst_ratio = 1;
+      for (size_t i = 0; i < pattern_.points().size(); ++i) {
+        if (!seen_.Sees(i)) continue;
+        SeenBoard others = seen_;
+        others.pixels[i].setConstant(std::numeric_limits<double>::quiet_NaN());
+        size_t nearby = 0;
+        const auto plane = Predict(others, i, false, &nearby);
+        if (!plane) continue;
+        const Eigen::Vector2d at = pattern_.points()[i];
+        const double most_px = std::max(kStrayPx, kStrayShare * SpacingAt(*plane, at));
+        const double ratio = (plane->At(at) - seen_.pixels[i]).norm() / most_px;
+        if (ratio > worst_ratio) {
+          worst_ratio = ratio;
+          worst = i;
+        }
+      }
+      if (!(worst_ratio > 1)) return;
+      Forget(worst);
+    }
+  }
+
+  // The bits of the markers whose places are known are those that they should be: of two markers by
+  // themselves, which tells the layouts of ChArUco boards apart, and of all together.
+  bool ShowsItsBits() const {
+    double xx = 0, xy = 0, yy = 0;
+    int right = 0;
+    for (const auto& [id, corners] : pattern_.markers()) {
+      const Eigen::Vector2d middle = 0.5 * (corners[0] + corners[2]);
+      std::vector<PatternPixel> near = Nearest(seen_, middle, kLeastPredictors);
+      if (near.size() < kLeastPredictors ||
+          (near.back().first - middle).norm() > 1.1 * board_.spacing_m) {
+        continue;
+      }
+      const auto plane = LocalPlane::Through(near);
+      if (!plane) continue;
+      const double side_px = LongestSide({plane->At(corners[0]), plane->At(corners[1]),
+                                          plane->At(corners[2]), plane->At(corners[3])});
+      if (!(side_px < grey_.cols)) continue;
+      const PatternPatch patch = pattern_.Show(*plane, middle, side_px, blur_px_,
+                                               std::min(3.0, kPlacesPerMarker / side_px));
+      constexpr int kPlaces = 15;  // along a side, within the border
+      std::vector<std::pair<double, double>> values;
+      for (int row = 0; row < kPlaces; ++row) {
+        for (int column = 0; column < kPlaces; ++column) {
+          const double u = 0.15 + 0.7 * column / (kPlaces - 1),
+                       v = 0.15 + 0.7 * row / (kPlaces - 1);
+          const Eigen::Vector2d at_m =
+              corners[0] + u * (corners[1] - corners[0]) + v * (corners[3] - corners[0]);
+          const Eigen::Vector2d pixel = plane->At(at_m), offset = pixel - patch.centre_px;
+          const int x = static_cast<int>(std::lround(pixel.x()));
+          const int y = static_cast<int>(std::lround(pixel.y()));
+          const int i = static_cast<int>(std::lround(patch.IndexOf(offset.x())));
+          const int j = static_cast<int>(std::lround(patch.IndexOf(offset.y())));
+          if (x < 0 || y < 0 || x >= grey_.cols || y >= grey_.rows || i < 0 || j < 0 ||
+              i >= patch.white.cols || j >= patch.white.rows) {
+            continue;
+          }
+          values.emplace_back(grey_.at<uint8_t>(y, x), patch.white(j, i));
+        }
+      }
+      if (values.empty()) continue;
+      double x = 0, y = 0;
+      for (const auto& [shown, white] : values) {
+        x += shown / static_cast<double>(values.size());
+        y += white / static_cast<double>(values.size());
+      }
+      double own_xx = 0, own_xy = 0, own_yy = 0;
+      for (const auto& [shown, white] : values) {
+        own_xx += (shown - x) * (shown - x);
+        own_xy += (shown - x) * (white - y);
+        own_yy += (white - y) * (white - y);
+      }
+      if (own_xy > kLeastBitCorrelation * std::sqrt(own_xx * own_yy)) ++right;
+      xx += own_xx;
+      xy += own_xy;
+      yy += own_yy;
+    }
+    return right >= kLeastRightMarkers && xy > kLeastBitCorrelation * std::sqrt(xx * yy);
+  }
+
+  // Most of these markers are where the points have them: the board is not one of other counts.
+  bool HasItsMarkers(const std::vector<FoundMarker>& markers) const {
+    int told = 0, right = 0;
+    for (const FoundMarker& marker : markers) {
+      const auto corners = pattern_.markers().find(marker.id);
+      if (corners == pattern_.markers().end()) continue;
+      const Eigen::Vector2d middle = 0.5 * (corners->second[0] + corners->second[2]);
+      const auto plane = LocalPlane::Through(Nearest(seen_, middle, kMostPredictors));
+      if (!plane) continue;
+      const Eigen::Vector2d middle_px =
+          0.25 * (marker.pixels[0] + marker.pixels[1] + marker.pixels[2] + marker.pixels[3]);
+      ++told;
+      if ((plane->At(middle) - middle_px).norm() < kElsewhereShare * LongestSide(marker.pixels)) {
+        ++right;
+      }
+    }
+    return 2 * right > told;
+  }
+
+  const SeenBoard& seen() const { return seen_; }
+
+ private:
+  double SpacingAt(const LocalPlane& plane, const Eigen::Vector2d& pattern_m) const {
+    const Eigen::Matrix2d slope = plane.SlopeAt(pattern_m);
+    return 0.5 * board_.spacing_m * (slope.col(0).norm() + slope.col(1).norm());
+  }
+
+  std::optional<LocalPlane> PlaneOf(const FoundMarker& marker,
+                                    const std::array<Eigen::Vector2d, 4>& corners) {
+    const double side_px = LongestSide(marker.pixels);
+    const bool is_tag = board_.kind == BoardKind::kAprilGrid;
+    const Eigen::Vector2d middle_px =
+        0.25 * (marker.pixels[0] + marker.pixels[1] + marker.pixels[2] + marker.pixels[3]);
+    const Eigen::Vector2d middle = 0.5 * (corners[0] + corners[2]);
+    PatternFitOptions options;
+    options.half_px = std::clamp(static_cast<int>(kMarkerWindowShare * side_px), kLeastMarkerHalfPx,
+                                 kMostMarkerHalfPx);
+    options.drawings = 3;
+    options.move_px = 2;
+    options.stretch = 0.15;
+    options.perspective = 0.01;
+    options.blur_share = 0.5;
+    std::optional<FittedPattern> best;
+    for (const double shift_px : kTagShifts) {
+      std::vector<PatternPixel> points;
+      for (size_t k = 0; k < 4; ++k) {
+        const Eigen::Vector2d from_middle = marker.pixels[k] - middle_px;
+        points.emplace_back(corners[k], marker.pixels[k] + shift_px * from_middle.normalized());
+      }
+      const auto plane = LocalPlane::Through(points);
+      if (plane && side_px > kMostWholeMarkerPx) return plane;
+      if (plane) {
+        const auto fit = FitPattern(grey_, pattern_, *plane, middle, kFirstBlurPx, options);
+        if (fit && (!best || fit->correlation > best->correlation)) best = fit;
+      }
+      if (!is_tag || (best && best->correlation > kSureMarkerCorrelation)) break;
+    }
+    if (!best || best->correlation < kLeastMarkerCorrelation) return std::nullopt;
+    blur_px_ = best->blur_px;
+    return best->plane;
+  }
+
+  // Of what is known, the nearest to a place of the pattern.
+  std::vector<PatternPixel> Nearest(const SeenBoard& known, const Eigen::Vector2d& pattern_m,
+                                    size_t most) const {
+    std::vector<PatternPixel> near;
+    for (size_t k = 0; k < pattern_.points().size(); ++k) {
+      if (known.Sees(k)) near.emplace_back(pattern_.points()[k], known.pixels[k]);
+    }
+    // Where it began stands in for points as long as there are few.
+    if (near.size() < kLeastCorners) near.insert(near.end(), support_.begin(), support_.end());
+    const auto count = static_cast<ptrdiff_t>(std::min(most, near.size()));
+    const auto is_nearer = [&](const PatternPixel& a, const PatternPixel& b) {
+      const double at_a = (a.first - pattern_m).squaredNorm();
+      const double at_b = (b.first - pattern_m).squaredNorm();
+      return std::make_tuple(at_a, a.first.x(), a.first.y()) <
+             std::make_tuple(at_b, b.first.x(), b.first.y());
+    };
+    std::partial_sort(near.begin(), near.begin() + count, near.end(), is_nearer);
+    near.resize(static_cast<size_t>(count));
+    return near;
+  }
+
+  // By the points around it. `beside`: only where one is next to it: a lens bends the plane further
+  // away. `nearby`: how many are as near as the predictors may be.
+  std::optional<LocalPlane> Predict(const SeenBoard& known, size_t point, bool beside,
+                                    size_t* nearby) const {
+    const Eigen::Vector2d at = pattern_.points()[point];
+    const std::vector<PatternPixel> near = Nearest(known, at, kMostPredictors);
+    if (near.size() < kLeastPredictors) return std::nullopt;
+    const double reach_m2 = std::pow(kPredictorReach * board_.spacing_m, 2);
+    if (beside && (near[0].first - at).squaredNorm() > reach_m2) return std::nullopt;
+    if ((near[kLeastPredictors - 1].first - at).squaredNorm() > kFarPredictorReach * reach_m2) {
+      return std::nullopt;
+    }
+    for (size_t k = 0; k < pattern_.points().size(); ++k) {
+      if (known.Sees(k) &&
+          (pattern_.points()[k] - at).squaredNorm() <= kFarPredictorReach * reach_m2) {
+        ++*nearby;
+      }
+    }
+    return LocalPlane::Through(near);
+  }
+
+  // True: it is there, and near the prediction.
+  bool Prove(size_t point, const LocalPlane& plane) {
+    const double spacing_px = SpacingAt(plane, pattern_.points()[point]);
+    const int search_px = std::clamp(static_cast<int>(std::lround(kSearchShare * spacing_px)),
+                                     kLeastSearchPx, kMostSearchPx);
+    return Fit(point, plane, search_px);
+  }
+
+  bool Fit(size_t point, const LocalPlane& plane, int search_px) {
+    const Eigen::Vector2d at = pattern_.points()[point];
+    const double spacing_px = SpacingAt(plane, at);
+    Forget(point);
+    if (!(spacing_px < grey_.cols)) return false;
+    PatternFitOptions options;
+    options.half_px = std::clamp(static_cast<int>(kPointWindowShare * spacing_px),
+                                 kLeastPointHalfPx, kMostPointHalfPx);
+    options.search_px = search_px;
+    const auto fit = FitPattern(grey_, pattern_, plane, at, blur_px_, options);
+    const double most_px = std::max(kOffPx, kOffShare * spacing_px);
+    if (!fit || fit->correlation < kLeastPointCorrelation ||
+        (fit->centre_px - plane.At(at)).norm() > most_px) {
+      return false;
+    }
+    seen_.pixels[point] = fit->centre_px;
+    seen_.sigmas_px[point] = fit->Sigma();
+    blurs_px_.push_back(fit->blur_px);
+    return true;
+  }
+
+  void Forget(size_t point) {
+    seen_.pixels[point].setConstant(std::numeric_limits<double>::quiet_NaN());
+    seen_.sigmas_px[point] = 0;
+  }
+
+  const Board& board_;
+  const cv::Mat& grey_;
+  const PrintedPattern& pattern_;
+  SeenBoard seen_;
+  std::vector<PatternPixel> support_;
+  std::vector<double> blurs_px_;
+  double blur_px_ = kFirstBlurPx;
+};
+
+}  // namespace
+
+std::optional<SeenBoard> GrowBoard(const Board& board, const cv::Mat& grey, int marker_parity,
+                                   const std::vector<FoundMarker>& markers) {
+  // The largest marker has most pixels to prove it.
+  std::vector<FoundMarker> largest = markers;
+  std::stable_sort(largest.begin(), largest.end(), [](const FoundMarker& a, const FoundMarker& b) {
+    return LongestSide(a.pixels) > LongestSide(b.pixels);
+  });
+  if (largest.empty()) return std::nullopt;
+  const PrintedPattern pattern(board, marker_parity);
+  if (largest.size() > kMostStarts) largest.resize(kMostStarts);
+  for (const FoundMarker& marker : largest) {
+    Growth growth(board, grey, pattern);
+    if (!growth.Begin(marker)) continue;
+    growth.Grow();
+    if (!IsEnough(board, growth.seen())) continue;
+    growth.Refine();
+    growth.DropStrays();
+    if (IsEnough(board, growth.seen()) && growth.ShowsItsBits() && growth.HasItsMarkers(markers)) {
+      return growth.seen();
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace rigcal::agent

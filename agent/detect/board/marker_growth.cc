@@ -26,14 +26,19 @@ constexpr int kLeastMarkerHalfPx = 5, kMostMarkerHalfPx = 18;
 constexpr double kTagShifts[] = {0, -1.5, 1.5, -3};
 constexpr double kLeastMarkerCorrelation = 0.75, kSureMarkerCorrelation = 0.9;
 constexpr int kMostStarts = 5;  // markers from which a board is grown
+// As many times a grid that is not the board has been found, of which there is no third.
+constexpr int kMostRefused = 2;
 
 // Around a point: a window of a share of the mean distance to the next points, and how far a
 // prediction is searched, a share of it.
 constexpr double kPointWindowShare = 0.45;
-constexpr int kLeastPointHalfPx = 4, kMostPointHalfPx = 8;
+constexpr int kLeastPointHalfPx = 4, kMostPointHalfPx = 6;
+constexpr double kWindowRadiusShare = 0.7;  // rms of its weights, of its half width
 constexpr double kSearchShare = 0.1;
 constexpr int kLeastSearchPx = 1, kMostSearchPx = 4;
 constexpr double kLeastPointCorrelation = 0.85;
+// A misfit is no worse than this, or this multiple of that of most.
+constexpr double kFineMisfit = 0.04, kMostMisfit = 4;
 // From what a prediction may be off, pixels, or a share of the distance of points.
 constexpr double kOffPx = 1.5, kOffShare = 0.15;
 // Points that predict another one: the nearest of them is at most so many squares or tags away, the
@@ -41,12 +46,15 @@ constexpr double kOffPx = 1.5, kOffShare = 0.15;
 constexpr size_t kLeastPredictors = 4, kMostPredictors = 8;
 constexpr double kPredictorReach = 1.05, kFarPredictorReach = 6;
 constexpr int kMostRounds = 60;
-// A point is a stray where its neighbours expect it so far away.
-constexpr double kStrayPx = 0.7, kStrayShare = 0.03;
+// A point is a stray where its neighbours expect it further away.
+constexpr double kStrayPx = 0.7, kStrayBends = 6;  // of the rms by which they leave a plane
 // So many sides away a marker is not where the points have it.
 constexpr double kElsewhereShare = 0.7;
+// Markers that are where they should be, of those beside one that may be misread as they may (so
+// many squares or tags away), and of all.
+constexpr double kRightShareBeside = 0.5, kBesideReach = 2.1, kRightShare = 0.7;
 // Of the bits of all markers.
-constexpr double kLeastBitCorrelation = 0.5;
+constexpr double kLeastBitCorrelation = 0.5, kLeastMeanBitCorrelation = 0.75;
 constexpr int kLeastRightMarkers = 2;
 constexpr double kPlacesPerMarker = 45;  // along the side of one, drawn for its bits
 
@@ -80,21 +88,62 @@ double LongestSide(const std::array<Eigen::Vector2d, 4>& corners) {
   return longest;
 }
 
+Eigen::Vector2d MiddleOf(const std::array<Eigen::Vector2d, 4>& corners) {
+  return 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]);
+}
+
+std::optional<LocalPlane> PlaneOf(const FoundMarker& marker,
+                                  const std::array<Eigen::Vector2d, 4>& corners, double shift_px) {
+  const Eigen::Vector2d middle_px = MiddleOf(marker.pixels);
+  std::vector<PatternPixel> points;
+  for (size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector2d from_middle = marker.pixels[k] - middle_px;
+    points.emplace_back(corners[k], marker.pixels[k] + shift_px * from_middle.normalized());
+  }
+  return LocalPlane::Through(points);
+}
+
+bool IsNear(const FoundMarker& marker, const Eigen::Vector2d& expected_px) {
+  return (MiddleOf(marker.pixels) - expected_px).norm() <
+         kElsewhereShare * LongestSide(marker.pixels);
+}
+
+// The markers beside it are where it expects them: neither is it misread, nor is the board one of
+// other counts.
+bool AgreesWithThoseBeside(const FoundMarker& marker, const std::vector<FoundMarker>& markers,
+                           const PrintedPattern& pattern, double reach_m) {
+  const auto corners = pattern.markers().find(marker.id);
+  if (corners == pattern.markers().end()) return false;
+  const auto plane = PlaneOf(marker, corners->second, 0);
+  if (!plane) return false;
+  int told = 0, right = 0;
+  for (const FoundMarker& other : markers) {
+    const auto there = pattern.markers().find(other.id);
+    if (other.id == marker.id || there == pattern.markers().end()) continue;
+    const Eigen::Vector2d middle = MiddleOf(there->second);
+    if ((middle - MiddleOf(corners->second)).norm() > reach_m) continue;
+    ++told;
+    if (IsNear(other, plane->At(middle))) ++right;
+  }
+  return right >= kRightShareBeside * told;
+}
+
 class Growth {
  public:
   Growth(const Board& board, const cv::Mat& grey, const PrintedPattern& pattern)
       : board_(board),
         grey_(grey),
         pattern_(pattern),
-        seen_(NothingSeen(pattern.points().size())) {}
+        seen_(NothingSeen(pattern.points().size())),
+        misfits_(pattern.points().size()) {}
 
   // False: it shows no such marker.
   bool Begin(const FoundMarker& marker) {
     const auto corners = pattern_.markers().find(marker.id);
     if (corners == pattern_.markers().end()) return false;
-    const auto plane = PlaneOf(marker, corners->second);
+    const auto plane = FittedPlaneOf(marker, corners->second);
     if (!plane) return false;
-    const Eigen::Vector2d middle = 0.5 * (corners->second[0] + corners->second[2]);
+    const Eigen::Vector2d middle = MiddleOf(corners->second);
     for (const Eigen::Vector2d& corner : corners->second) {
       support_.emplace_back(corner, plane->At(corner));
     }
@@ -133,7 +182,27 @@ class Growth {
       size_t nearby = 0;
       const auto plane = Predict(known, i, false, &nearby);
       if (!plane) continue;
-      Fit(i, plane->Moved(known.pixels[i] - plane->At(pattern_.points()[i])), 0);
+      const Eigen::Vector2d at = pattern_.points()[i];
+      if (!Fit(i, plane->Moved(known.pixels[i] - plane->At(at)), 0)) continue;
+      // A window shows a part of the bend that grows with the square of its size.
+      const double part =
+          kWindowRadiusShare * WindowOf(SpacingAt(*plane, at)) / SpacingAt(*plane, at);
+      seen_.sigmas_px[i] =
+          std::hypot(seen_.sigmas_px[i], part * part * BendAround(known, at, *plane));
+    }
+  }
+
+  // Points that fit much worse than most do: of another shape than what is printed, or seen
+  // edge-on.
+  void DropMisfits() {
+    std::vector<double> misfits;
+    for (size_t i = 0; i < misfits_.size(); ++i) {
+      if (seen_.Sees(i)) misfits.push_back(misfits_[i]);
+    }
+    if (misfits.empty()) return;
+    const double most = std::max(kFineMisfit, kMostMisfit * UpperMedian(std::move(misfits)));
+    for (size_t i = 0; i < misfits_.size(); ++i) {
+      if (seen_.Sees(i) && misfits_[i] > most) Forget(i);
     }
   }
 
@@ -150,7 +219,7 @@ class Growth {
         const auto plane = Predict(others, i, false, &nearby);
         if (!plane) continue;
         const Eigen::Vector2d at = pattern_.points()[i];
-        const double most_px = std::max(kStrayPx, kStrayShare * SpacingAt(*plane, at));
+        const double most_px = kStrayPx + kStrayBends * BendAround(others, at, *plane);
         const double ratio = (plane->At(at) - seen_.pixels[i]).norm() / most_px;
         if (ratio > worst_ratio) {
           worst_ratio = ratio;
@@ -168,7 +237,7 @@ class Growth {
     double xx = 0, xy = 0, yy = 0;
     int right = 0;
     for (const auto& [id, corners] : pattern_.markers()) {
-      const Eigen::Vector2d middle = 0.5 * (corners[0] + corners[2]);
+      const Eigen::Vector2d middle = MiddleOf(corners);
       std::vector<PatternPixel> near = Nearest(seen_, middle, kLeastPredictors);
       if (near.size() < kLeastPredictors ||
           (near.back().first - middle).norm() > 1.1 * board_.spacing_m) {
@@ -218,7 +287,7 @@ class Growth {
       xy += own_xy;
       yy += own_yy;
     }
-    return right >= kLeastRightMarkers && xy > kLeastBitCorrelation * std::sqrt(xx * yy);
+    return right >= kLeastRightMarkers && xy > kLeastMeanBitCorrelation * std::sqrt(xx * yy);
   }
 
   // Most of these markers are where the points have them: the board is not one of other counts.
@@ -227,37 +296,37 @@ class Growth {
     for (const FoundMarker& marker : markers) {
       const auto corners = pattern_.markers().find(marker.id);
       if (corners == pattern_.markers().end()) continue;
-      const Eigen::Vector2d middle = 0.5 * (corners->second[0] + corners->second[2]);
+      const Eigen::Vector2d middle = MiddleOf(corners->second);
       const auto plane = LocalPlane::Through(Nearest(seen_, middle, kMostPredictors));
       if (!plane) continue;
-      const Eigen::Vector2d middle_px =
-          0.25 * (marker.pixels[0] + marker.pixels[1] + marker.pixels[2] + marker.pixels[3]);
       ++told;
-      if ((plane->At(middle) - middle_px).norm() < kElsewhereShare * LongestSide(marker.pixels)) {
-        ++right;
-      }
+      if (IsNear(marker, plane->At(middle))) ++right;
     }
-    return 2 * right > told;
+    return right >= kRightShare * told;
   }
 
   const SeenBoard& seen() const { return seen_; }
 
  private:
+  static int WindowOf(double spacing_px) {
+    return std::clamp(static_cast<int>(kPointWindowShare * spacing_px), kLeastPointHalfPx,
+                      kMostPointHalfPx);
+  }
+
   double SpacingAt(const LocalPlane& plane, const Eigen::Vector2d& pattern_m) const {
     const Eigen::Matrix2d slope = plane.SlopeAt(pattern_m);
     return 0.5 * board_.spacing_m * (slope.col(0).norm() + slope.col(1).norm());
   }
 
-  std::optional<LocalPlane> PlaneOf(const FoundMarker& marker,
-                                    const std::array<Eigen::Vector2d, 4>& corners) {
+  std::optional<LocalPlane> FittedPlaneOf(const FoundMarker& marker,
+                                          const std::array<Eigen::Vector2d, 4>& corners) {
     const double side_px = LongestSide(marker.pixels);
     const bool is_tag = board_.kind == BoardKind::kAprilGrid;
-    const Eigen::Vector2d middle_px =
-        0.25 * (marker.pixels[0] + marker.pixels[1] + marker.pixels[2] + marker.pixels[3]);
-    const Eigen::Vector2d middle = 0.5 * (corners[0] + corners[2]);
+    const Eigen::Vector2d middle = MiddleOf(corners);
     PatternFitOptions options;
     options.half_px = std::clamp(static_cast<int>(kMarkerWindowShare * side_px), kLeastMarkerHalfPx,
                                  kMostMarkerHalfPx);
+    options.is_rough = true;
     options.drawings = 3;
     options.move_px = 2;
     options.stretch = 0.15;
@@ -265,12 +334,7 @@ class Growth {
     options.blur_share = 0.5;
     std::optional<FittedPattern> best;
     for (const double shift_px : kTagShifts) {
-      std::vector<PatternPixel> points;
-      for (size_t k = 0; k < 4; ++k) {
-        const Eigen::Vector2d from_middle = marker.pixels[k] - middle_px;
-        points.emplace_back(corners[k], marker.pixels[k] + shift_px * from_middle.normalized());
-      }
-      const auto plane = LocalPlane::Through(points);
+      const auto plane = PlaneOf(marker, corners, shift_px);
       if (plane && side_px > kMostWholeMarkerPx) return plane;
       if (plane) {
         const auto fit = FitPattern(grey_, pattern_, *plane, middle, kFirstBlurPx, options);
@@ -325,6 +389,15 @@ class Growth {
     return LocalPlane::Through(near);
   }
 
+  // By how much the points around a place leave a plane, rms: a lens bends them.
+  double BendAround(const SeenBoard& known, const Eigen::Vector2d& pattern_m,
+                    const LocalPlane& plane) const {
+    const std::vector<PatternPixel> near = Nearest(known, pattern_m, kMostPredictors);
+    double squares_px2 = 0;
+    for (const auto& [at, pixel] : near) squares_px2 += (plane.At(at) - pixel).squaredNorm();
+    return std::sqrt(squares_px2 / static_cast<double>(near.size()));
+  }
+
   // True: it is there, and near the prediction.
   bool Prove(size_t point, const LocalPlane& plane) {
     const double spacing_px = SpacingAt(plane, pattern_.points()[point]);
@@ -339,9 +412,9 @@ class Growth {
     Forget(point);
     if (!(spacing_px < grey_.cols)) return false;
     PatternFitOptions options;
-    options.half_px = std::clamp(static_cast<int>(kPointWindowShare * spacing_px),
-                                 kLeastPointHalfPx, kMostPointHalfPx);
+    options.half_px = WindowOf(spacing_px);
     options.search_px = search_px;
+    options.is_rough = search_px > 0;  // Refine follows
     const auto fit = FitPattern(grey_, pattern_, plane, at, blur_px_, options);
     const double most_px = std::max(kOffPx, kOffShare * spacing_px);
     if (!fit || fit->correlation < kLeastPointCorrelation ||
@@ -350,6 +423,7 @@ class Growth {
     }
     seen_.pixels[point] = fit->centre_px;
     seen_.sigmas_px[point] = fit->Sigma();
+    misfits_[point] = 1 - fit->correlation * fit->correlation;
     blurs_px_.push_back(fit->blur_px);
     return true;
   }
@@ -364,6 +438,7 @@ class Growth {
   const PrintedPattern& pattern_;
   SeenBoard seen_;
   std::vector<PatternPixel> support_;
+  std::vector<double> misfits_;  // of each point, the share of the variance that no fit explains
   std::vector<double> blurs_px_;
   double blur_px_ = kFirstBlurPx;
 };
@@ -372,24 +447,31 @@ class Growth {
 
 std::optional<SeenBoard> GrowBoard(const Board& board, const cv::Mat& grey, int marker_parity,
                                    const std::vector<FoundMarker>& markers) {
+  const PrintedPattern pattern(board, marker_parity);
+  std::vector<FoundMarker> starts;
+  for (const FoundMarker& marker : markers) {
+    if (AgreesWithThoseBeside(marker, markers, pattern, kBesideReach * board.spacing_m)) {
+      starts.push_back(marker);
+    }
+  }
   // The largest marker has most pixels to prove it.
-  std::vector<FoundMarker> largest = markers;
-  std::stable_sort(largest.begin(), largest.end(), [](const FoundMarker& a, const FoundMarker& b) {
+  std::stable_sort(starts.begin(), starts.end(), [](const FoundMarker& a, const FoundMarker& b) {
     return LongestSide(a.pixels) > LongestSide(b.pixels);
   });
-  if (largest.empty()) return std::nullopt;
-  const PrintedPattern pattern(board, marker_parity);
-  if (largest.size() > kMostStarts) largest.resize(kMostStarts);
-  for (const FoundMarker& marker : largest) {
+  if (starts.size() > kMostStarts) starts.resize(kMostStarts);
+  int refused = 0;
+  for (const FoundMarker& marker : starts) {
     Growth growth(board, grey, pattern);
     if (!growth.Begin(marker)) continue;
     growth.Grow();
     if (!IsEnough(board, growth.seen())) continue;
     growth.Refine();
+    growth.DropMisfits();
     growth.DropStrays();
     if (IsEnough(board, growth.seen()) && growth.ShowsItsBits() && growth.HasItsMarkers(markers)) {
       return growth.seen();
     }
+    if (++refused == kMostRefused) break;
   }
   return std::nullopt;
 }

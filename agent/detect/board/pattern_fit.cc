@@ -11,8 +11,8 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kMostStepsOfDrawing = 8;
-constexpr double kSmallMovePx = 2e-3;
-constexpr double kDrawingErrorPx = 0.01;      // how far patterns without noise are off
+constexpr double kSmallMovePx = 3e-3, kRoughMovePx = 0.05;
+constexpr double kDrawingErrorPx = 0.011;     // how far patterns without noise are off
 constexpr double kPlacesPerPixel = 3;         // of a drawing
 constexpr int kLeastBorderPx = 4;             // from the middle of a window to the border
 constexpr double kPatchRimPx = 3;             // how far a drawing reaches beyond the window
@@ -26,47 +26,52 @@ constexpr int kUnknowns = 11;
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Information = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
-// A drawing and its derivatives, all read between places.
+// A drawing and its derivatives, read between places.
 class Drawing {
  public:
-  explicit Drawing(PatternPatch patch) : patch_(std::move(patch)) {}
+  // White; its slopes along x and y, per pixel; its Laplacian, per square pixel.
+  using Place = Eigen::Vector4f;
 
-  struct Place {
-    double white = 0, by_x = 0, by_y = 0, laplacian = 0;  // per pixel, per square pixel
-  };
+  explicit Drawing(const PatternPatch& patch)
+      : per_pixel_(patch.per_pixel), side_(patch.white.cols - 2), centre_px_(patch.centre_px) {
+    if (side_ < 2) return;
+    const auto per = static_cast<float>(patch.per_pixel);
+    places_.reserve(static_cast<size_t>(side_ * side_));
+    for (int y = 1; y <= side_; ++y) {
+      const float* const above = patch.white.ptr<float>(y - 1);
+      const float* const here = patch.white.ptr<float>(y);
+      const float* const below = patch.white.ptr<float>(y + 1);
+      for (int x = 1; x <= side_; ++x) {
+        places_.emplace_back(
+            here[x], 0.5f * per * (here[x + 1] - here[x - 1]), 0.5f * per * (below[x] - above[x]),
+            per * per * (above[x] + below[x] + here[x - 1] + here[x + 1] - 4 * here[x]));
+      }
+    }
+  }
+
   // False: outside.
   bool At(const Eigen::Vector2d& offset_px, Place* place) const {
-    const double x = patch_.IndexOf(offset_px.x()), y = patch_.IndexOf(offset_px.y());
-    const int i = static_cast<int>(std::floor(x)), j = static_cast<int>(std::floor(y));
-    if (i < 1 || j < 1 || i + 2 >= patch_.white.cols || j + 2 >= patch_.white.rows) return false;
-    const float* const above = patch_.white.ptr<float>(j - 1) + i;
-    const float* const upper = patch_.white.ptr<float>(j) + i;
-    const float* const lower = patch_.white.ptr<float>(j + 1) + i;
-    const float* const below = patch_.white.ptr<float>(j + 2) + i;
-    const double a = x - i, b = y - j;
-    const auto mix = [&](double p, double q, double r, double s) {
-      return (1 - b) * ((1 - a) * p + a * q) + b * ((1 - a) * r + a * s);
-    };
-    const double per = patch_.per_pixel;
-    place->white = mix(upper[0], upper[1], lower[0], lower[1]);
-    place->by_x =
-        0.5 * per *
-        mix(upper[1] - upper[-1], upper[2] - upper[0], lower[1] - lower[-1], lower[2] - lower[0]);
-    place->by_y =
-        0.5 * per *
-        mix(lower[0] - above[0], lower[1] - above[1], below[0] - upper[0], below[1] - upper[1]);
-    const auto sum = [](const float* up, const float* here, const float* down, int k) {
-      return up[k] + down[k] + here[k - 1] + here[k + 1] - 4 * here[k];
-    };
-    place->laplacian = per * per *
-                       mix(sum(above, upper, lower, 0), sum(above, upper, lower, 1),
-                           sum(upper, lower, below, 0), sum(upper, lower, below, 1));
+    const double middle = 0.5 * (side_ - 1);
+    const double x = per_pixel_ * offset_px.x() + middle, y = per_pixel_ * offset_px.y() + middle;
+    if (!(x >= 0 && y >= 0 && x < side_ - 1 && y < side_ - 1)) return false;
+    const int i = static_cast<int>(x), j = static_cast<int>(y);
+    const auto a = static_cast<float>(x - i), b = static_cast<float>(y - j);
+    const Place* const upper = &places_[static_cast<size_t>(j * side_ + i)];
+    const Place* const lower = upper + side_;
+    *place =
+        (1 - b) * ((1 - a) * upper[0] + a * upper[1]) + b * ((1 - a) * lower[0] + a * lower[1]);
     return true;
   }
-  const Eigen::Vector2d& centre_px() const { return patch_.centre_px; }
+
+  const Eigen::Vector2d& centre_px() const { return centre_px_; }
+  // By whole pixels, by which the drawing is the same.
+  void Move(const Eigen::Vector2d& pixels) { centre_px_ += pixels; }
 
  private:
-  PatternPatch patch_;
+  double per_pixel_ = 0;
+  int side_ = 0;
+  Eigen::Vector2d centre_px_;
+  std::vector<Place> places_;
 };
 
 // Its part that is in the image.
@@ -132,36 +137,48 @@ PatternSums SumsOver(const cv::Mat& grey, const Window& window, const Drawing& d
       Drawing::Place place;
       if (!drawing.At(Looked(offset, p), &place)) continue;
       const double u = offset.x(), v = offset.y(), gain = p[9];
-      const double by_x = -gain * place.by_x, by_y = -gain * place.by_y;
+      const double by_x = -gain * place[1], by_y = -gain * place[2];
       const double along = by_x * u + by_y * v;
-      const double model = place.white + p[8] * place.laplacian;
+      const double model = place[0] + p[8] * place[3];
       Unknowns slope;
       slope << by_x, by_y, by_x * u, by_x * v, by_y * u, by_y * v, along * u, along * v,
-          gain * place.laplacian, model, 1;
+          gain * place[3], model, 1;
       const double residual = row[x] - gain * model - p[10];
       const double weight = weights.At(x, y);
-      sums.information.selfadjointView<Eigen::Lower>().rankUpdate(slope, weight);
-      if (with_scatter) {
-        sums.scatter.selfadjointView<Eigen::Lower>().rankUpdate(slope, weight * weight);
-      }
-      sums.gradient += weight * residual * slope;
+      const Unknowns weighted = weight * slope;
+      sums.information.noalias() += weighted * slope.transpose();
+      if (with_scatter) sums.scatter.noalias() += weighted * weighted.transpose();
+      sums.gradient += residual * weighted;
       sums.cost += weight * residual * residual;
       sums.weights += weight;
       sums.mean += weight * row[x];
       sums.square += weight * row[x] * row[x];
     }
   }
-  const auto mirror = [](Information* of) {
-    of->triangularView<Eigen::StrictlyUpper>() = of->transpose();
-  };
-  mirror(&sums.information);
-  mirror(&sums.scatter);
   return sums;
 }
 
-// Gain and offset where the rest is given.
-void FitContrast(const PatternSums& sums, Unknowns* p) {
-  p->tail<2>() += sums.information.bottomRightCorner<2, 2>().ldlt().solve(sums.gradient.tail<2>());
+// Gain and offset of the drawing as it is.
+void FitContrast(const cv::Mat& grey, const Window& window, const Drawing& drawing, Unknowns* p) {
+  const Weights weights(window, drawing.centre_px());
+  double w = 0, a = 0, b = 0, ab = 0, bb = 0;
+  for (int y = window.Top(); y <= window.Bottom(grey); ++y) {
+    const uint8_t* const row = grey.ptr<uint8_t>(y);
+    for (int x = window.Left(); x <= window.Right(grey); ++x) {
+      Drawing::Place place;
+      if (!drawing.At(Eigen::Vector2d(x, y) - drawing.centre_px(), &place)) continue;
+      const double weight = weights.At(x, y), white = place[0];
+      w += weight;
+      a += weight * row[x];
+      b += weight * white;
+      ab += weight * white * row[x];
+      bb += weight * white * white;
+    }
+  }
+  if (!(w > 0)) return;
+  const double gain = (ab - a * b / w) / std::max(1e-9, bb - b * b / w);
+  (*p)[9] = gain;
+  (*p)[10] = (a - gain * b) / w;
 }
 
 // The whole pixel at which what is drawn fits best.
@@ -177,7 +194,7 @@ Eigen::Vector2d BestMove(const cv::Mat& grey, const Window& window, const Drawin
     for (int x = window.Left(); x <= window.Right(grey); ++x) {
       Drawing::Place place;
       if (!drawing.At(Eigen::Vector2d(x, y) - drawing.centre_px(), &place)) continue;
-      expected.push_back({x, y, weights.At(x, y), place.white});
+      expected.push_back({x, y, weights.At(x, y), place[0]});
     }
   }
   Eigen::Vector2d best = Eigen::Vector2d::Zero();
@@ -238,22 +255,18 @@ std::optional<FittedPattern> FitPattern(const cv::Mat& grey, const PrintedPatter
         {static_cast<int>(std::lround(start.x())), static_cast<int>(std::lround(start.y()))},
         options.half_px};
     if (!window.IsIn(grey)) return std::nullopt;
-    const double reach_px = std::min(1.5 * fitted.blur_px, 2.0) + kPatchRimPx;
+    const double reach_px = options.move_px + options.stretch * window.half + kPatchRimPx;
     Drawing drawing(pattern.Show(fitted.plane, pattern_m, window.half + reach_px, fitted.blur_px,
                                  kPlacesPerPixel));
     if (drawn == 0 && options.search_px > 0) {
       const Eigen::Vector2d move = BestMove(grey, window, drawing, options.search_px);
-      if (move != Eigen::Vector2d::Zero()) {
-        fitted.plane = fitted.plane.Moved(move);
-        window.middle += cv::Point(static_cast<int>(move.x()), static_cast<int>(move.y()));
-        if (!window.IsIn(grey)) return std::nullopt;
-        drawing = Drawing(pattern.Show(fitted.plane, pattern_m, window.half + reach_px,
-                                       fitted.blur_px, kPlacesPerPixel));
-      }
+      fitted.plane = fitted.plane.Moved(move);
+      drawing.Move(move);
+      window.middle += cv::Point(static_cast<int>(move.x()), static_cast<int>(move.y()));
+      if (!window.IsIn(grey)) return std::nullopt;
     }
     Unknowns p = Unknowns::Zero();
-    p[9] = 1;
-    FitContrast(SumsOver(grey, window, drawing, p), &p);
+    FitContrast(grey, window, drawing, &p);
     PatternSums sums = SumsOver(grey, window, drawing, p);
     const Unknowns prior = PriorOf(options, fitted.blur_px);
     const auto noise_of = [](const PatternSums& of) {
@@ -263,6 +276,7 @@ std::optional<FittedPattern> FitPattern(const cv::Mat& grey, const PrintedPatter
       return of.cost + noise * prior.dot(at.cwiseAbs2());
     };
     double damping = 1e-3;
+    const double small_px = options.is_rough ? kRoughMovePx : kSmallMovePx;
     for (int i = 0; i < kMostStepsOfDrawing; ++i) {
       const double noise = noise_of(sums);
       Information damped = sums.information;
@@ -277,7 +291,7 @@ std::optional<FittedPattern> FitPattern(const cv::Mat& grey, const PrintedPatter
         p = next;
         sums = there;
         damping *= 0.1;
-        if (change.head<2>().norm() < kSmallMovePx) break;
+        if (change.head<2>().norm() < small_px) break;
       } else {
         damping *= 10;
       }
@@ -303,6 +317,7 @@ std::optional<FittedPattern> FitPattern(const cv::Mat& grey, const PrintedPatter
     fitted.correlation =
         p[9] > 0 && spread > 0 ? std::sqrt(std::max(0.0, 1 - sums.cost / spread)) : 0;
     if (!(fitted.contrast >= kLeastPatternContrast)) return std::nullopt;
+    if (options.is_rough) continue;
     // Weights that are not inverse variances: their least squares has the covariance
     // N^-1 (sum w^2 J J^T) N^-1 times that of a pixel's noise.
     Information information = sums.information;

@@ -12,7 +12,8 @@ namespace rigcal::agent {
 
 // How far a fit may go from where it begins: one sigma each.
 struct PatternFitOptions {
-  int half_px = 8;             // pixels from the middle of the window to its sides
+  bool is_rough = false;       // to a tenth of a pixel, without a covariance
+  int half_px = 6;             // pixels from the middle of the window to its sides
   int search_px = 0;           // whole pixels to either side that are tried first
   int drawings = 1;            // the print is drawn again where the last fit found it
   double move_px = 1;          // of the centre

@@ -203,6 +203,91 @@ TEST(BoardDetector, FindsBoardsWithMarkersAlsoInPart) {
   }
 }
 
+// The points of a board with markers, against where they are.
+struct MarkerErrors {
+  int seen = 0;
+  double worst_px = 0;
+  double nees = 0;
+};
+
+MarkerErrors ErrorsOfMarkers(const Board& board, const Intrinsics& lens, RigidTransform pose,
+                             double blur_px, double noise_grey) {
+  if (board.kind == BoardKind::kAprilGrid) pose = UpsideDown(pose, board);
+  const cv::Mat image = BoardRenderer(lens, kKnownImage).Render(board, pose, blur_px, noise_grey);
+  const auto seen = FindBoard(board, MonoView(image));
+  EXPECT_THAT(seen, IsOk());
+  MarkerErrors errors;
+  if (!seen.ok() || !seen->has_value()) return errors;
+  for (size_t i = 0; i < (*seen)->pixels.size(); ++i) {
+    if (!(*seen)->Sees(i)) continue;
+    Eigen::Vector2d pixel;
+    EXPECT_TRUE(Project(lens, pose * board.Points()[i], &pixel));
+    const double error_px = ((*seen)->pixels[i] - pixel).norm();
+    ++errors.seen;
+    errors.worst_px = std::max(errors.worst_px, error_px);
+    errors.nees += std::pow(error_px / (*seen)->sigmas_px[i], 2) / 2;
+  }
+  errors.nees /= std::max(1, errors.seen);
+  return errors;
+}
+
+// Bits of one to two pixels, which OpenCV reads in few markers or in none, and squares that no
+// window shows alone.
+TEST(BoardDetector, FindsSmallAndBlurredMarkers) {
+  struct Case {
+    const char* board;
+    bool is_fisheye;
+    double distance_m, blur_px, noise_grey, most_px;
+  };
+  for (const Case& one : {Case{"board:charuco,9x6,0.035,0.025,5x5_100", false, 1.4, 0.7, 2, 0.15},
+                          Case{"board:charuco,9x6,0.035,0.025,5x5_100", false, 0.75, 1.4, 4, 0.3},
+                          Case{"board:charuco,9x6,0.035,0.025,5x5_100", true, 0.35, 0.7, 2, 0.2},
+                          Case{"board:aprilgrid,6x4,0.04,0.3", false, 1.4, 0.7, 2, 0.15},
+                          Case{"board:aprilgrid,6x4,0.04,0.3", false, 0.9, 1.4, 4, 0.3},
+                          Case{"board:aprilgrid,6x4,0.04,0.3", true, 0.4, 0.7, 2, 0.2}}) {
+    const Board board = *ParseBoard(one.board);
+    const Intrinsics lens = one.is_fisheye ? KnownFisheye() : KnownPinhole();
+    const auto pose =
+        BoardAt(board, lens, Eigen::Vector2d(320, 240), one.distance_m, {0.4, 0.2, 0.3});
+    const MarkerErrors errors = ErrorsOfMarkers(board, lens, pose, one.blur_px, one.noise_grey);
+    SCOPED_TRACE(::testing::Message()
+                 << one.board << " blur " << one.blur_px << " fisheye " << one.is_fisheye);
+    EXPECT_GE(errors.seen, 0.95 * board.point_count());
+    EXPECT_LT(errors.worst_px, one.most_px);
+    EXPECT_GT(errors.nees, 0.4);
+    EXPECT_LT(errors.nees, 1.6);
+  }
+}
+
+// All of it is in the image, but so oblique that a lens bends it over a few squares.
+TEST(BoardDetector, FollowsTheBendOfAFisheyeToTheBorder) {
+  const Board board = *ParseBoard("board:charuco,9x6,0.035,0.025,5x5_100");
+  const auto pose =
+      BoardAt(board, KnownFisheye(), Eigen::Vector2d(500, 240), 0.3, {0.1, -0.5, 1.2});
+  const MarkerErrors errors = ErrorsOfMarkers(board, KnownFisheye(), pose, 0.5, 1);
+  EXPECT_GE(errors.seen, 36);
+  EXPECT_LT(errors.worst_px, 0.2);
+}
+
+TEST(BoardDetector, RefusesMarkersOfABoardOfOtherCounts) {
+  for (const auto& [printed, told] :
+       {std::pair("board:charuco,9x6,0.035,0.025,5x5_100", "board:charuco,8x6,0.035,0.025,5x5_100"),
+        std::pair("board:charuco,9x6,0.035,0.025,5x5_100", "board:charuco,6x9,0.035,0.025,5x5_100"),
+        std::pair("board:aprilgrid,6x4,0.04,0.3", "board:aprilgrid,4x6,0.04,0.3"),
+        std::pair("board:aprilgrid,5x5,0.04,0.3", "board:aprilgrid,6x5,0.04,0.3")}) {
+    const Board board = *ParseBoard(printed);
+    RigidTransform pose =
+        BoardAt(board, KnownPinhole(), Eigen::Vector2d(320, 240), 0.6, {0.2, 0.2, 0.3});
+    if (board.kind == BoardKind::kAprilGrid) pose = UpsideDown(pose, board);
+    const cv::Mat image = BoardRenderer(KnownPinhole(), kKnownImage).Render(board, pose, 0.7, 1);
+    const auto right = FindBoard(board, MonoView(image));
+    const auto wrong = FindBoard(*ParseBoard(told), MonoView(image));
+    ASSERT_TRUE(right.ok() && wrong.ok());
+    EXPECT_TRUE(right->has_value()) << printed;
+    EXPECT_FALSE(wrong->has_value()) << told;
+  }
+}
+
 TEST(BoardDetector, ReadsChArUcoBoardsOfTheOldLayout) {
   // With an even number of rows of squares, OpenCV before 4.6 drew the upper left square white.
   const Board board = *ParseBoard("board:charuco,8x6,0.04,0.028,5x5_100");

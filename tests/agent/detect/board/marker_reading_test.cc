@@ -12,18 +12,18 @@ namespace rigcal::agent::marker_reading_test {
 namespace {
 
 constexpr int kId = 7;
-constexpr double kSidePx = 12;  // bits of 1.7 px, blurred by 1.1 px
+constexpr double kSidePx = 14;  // bits of 2 px, blurred by 1.1 px
 constexpr double kLeftPx = 24.3, kTopPx = 25.6;
 
 cv::Mat BlurredMarker(const Board& board) {
   cv::Mat marker;
   cv::aruco::drawMarker(cv::aruco::getPredefinedDictionary(DictionaryOf(board)), kId, 140, marker,
                         1);
-  const double scale = kSidePx / 140;
-  const cv::Matx23d place(scale, 0, kLeftPx, 0, scale, kTopPx);
   // Ten times as fine, then what a pixel sees of it.
+  const double scale = 10 * kSidePx / 140, shift = 0.5 * scale - 0.5;
+  const cv::Matx23d place(scale, 0, 10 * kLeftPx + shift, 0, scale, 10 * kTopPx + shift);
   cv::Mat fine(600, 600, CV_8UC1, cv::Scalar(215)), image;
-  cv::warpAffine(marker, fine, 10 * place, fine.size(), cv::INTER_AREA, cv::BORDER_TRANSPARENT);
+  cv::warpAffine(marker, fine, place, fine.size(), cv::INTER_LINEAR, cv::BORDER_TRANSPARENT);
   cv::GaussianBlur(fine, fine, cv::Size(0, 0), 11);
   cv::resize(fine, image, cv::Size(60, 60), 0, 0, cv::INTER_AREA);
   return image;
@@ -73,6 +73,9 @@ TEST(MarkerReading, ReadsNothingElse) {
   std::array<Eigen::Vector2d, 4> outside = Corners();
   for (Eigen::Vector2d& corner : outside) corner.x() -= 30;
   EXPECT_FALSE(reader.Read(image, outside).has_value());
+  std::array<Eigen::Vector2d, 4> line = Corners();
+  for (Eigen::Vector2d& corner : line) corner.y() = 30;
+  EXPECT_FALSE(reader.Read(image, line).has_value());
 }
 
 }  // namespace

@@ -84,22 +84,33 @@ TEST(PatternFit, FindsCornersBesideBits) {
 }
 
 TEST(PatternFit, TellsTheBlur) {
-  // With that of a pixel, which is as wide as a Gaussian of 0.29 px.
-  EXPECT_NEAR(ErrorsOf(Shown(), 0.7, 2).blur_px, std::hypot(0.7, 0.29), 0.1);
-  EXPECT_NEAR(ErrorsOf(Shown(), 1.3, 2).blur_px, std::hypot(1.3, 0.29), 0.15);
+  const double sharp_px = ErrorsOf(Shown(), 0.7, 2).blur_px;
+  const double soft_px = ErrorsOf(Shown(), 1.3, 2).blur_px;
+  EXPECT_NEAR(sharp_px, 0.7, 0.1);
+  EXPECT_NEAR(soft_px, 1.3, 0.15);
 }
 
 TEST(PatternFit, OtherBitsCorrelateLess) {
-  // Two squares to the right there are other markers in white squares.
+  // Marker 6 of the image, by what is printed in others.
   const Shown shown;
   const cv::Mat image = shown.Image(0.7, 2);
-  const auto fit = FitPattern(image, shown.pattern, shown.Around(18, {0, 0}),
-                              shown.pattern.points()[20], 0.8, {});
-  const auto right = FitPattern(image, shown.pattern, shown.Around(20, {0, 0}),
-                                shown.pattern.points()[20], 0.8, {});
-  ASSERT_TRUE(right.has_value());
-  EXPECT_GT(right->correlation, 0.97);
-  if (fit) EXPECT_GT(fit->correlation, 0);
+  const auto middle = [&](int id) -> Eigen::Vector2d {
+    const auto& corners = shown.pattern.markers().at(id);
+    return 0.5 * (corners[0] + corners[2]);
+  };
+  const LocalPlane right = shown.Around(11, {0, 0});
+  PatternFitOptions options;
+  options.half_px = 9;
+  const auto own = FitPattern(image, shown.pattern, right, middle(6), 0.8, options);
+  ASSERT_TRUE(own.has_value());
+  EXPECT_GT(own->correlation, 0.97);
+  for (const int other : {1, 5, 7, 10, 15}) {
+    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+    shift.topRightCorner<2, 1>() = middle(6) - middle(other);
+    const LocalPlane plane(right.img_from_pattern() * shift);
+    const auto fit = FitPattern(image, shown.pattern, plane, middle(other), 0.8, options);
+    EXPECT_LT(fit ? fit->correlation : 0, 0.9) << other;
+  }
 }
 
 TEST(PatternFit, NothingWhereThereIsNothing) {

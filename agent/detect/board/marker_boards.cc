@@ -54,14 +54,6 @@ Markers DetectMarkers(const Board& board, const cv::Mat& grey,
   return markers;
 }
 
-// In either layout.
-std::optional<SeenBoard> Grow(const Board& board, const cv::Mat& grey,
-                              const std::vector<FoundMarker>& markers) {
-  auto seen = GrowBoard(board, grey, 1, markers);
-  if (!seen && board.kind == BoardKind::kCharuco) seen = GrowBoard(board, grey, 0, markers);
-  return seen;
-}
-
 }  // namespace
 
 std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey) {
@@ -70,7 +62,7 @@ std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey
   for (const auto& [id, marker] : DetectMarkers(board, grey, &unread)) {
     markers.push_back({id, marker.pixels});
   }
-  auto seen = Grow(board, grey, markers);
+  auto seen = GrowBoard(board, grey, markers);
   if (seen) return seen;
   markers.clear();
   const MarkerReader reader(board);
@@ -79,7 +71,7 @@ std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey
     for (size_t k = 0; k < 4; ++k) corners[k] = {quad[k].x, quad[k].y};
     if (const auto marker = reader.Read(grey, corners)) markers.push_back(*marker);
   }
-  return Grow(board, grey, markers);
+  return GrowBoard(board, grey, markers);
 }
 
 }  // namespace rigcal::agent

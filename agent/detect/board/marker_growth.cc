@@ -4,12 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <tuple>
 #include <utility>
 
 #include "agent/detect/board/local_plane.h"
+#include "agent/detect/board/marker_proof.h"
 #include "agent/detect/board/pattern_fit.h"
 #include "agent/detect/board/printed_pattern.h"
+#include "agent/detect/board/seen_neighbours.h"
 #include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
@@ -48,15 +49,7 @@ constexpr double kPredictorReach = 1.05, kFarPredictorReach = 6;
 constexpr int kMostRounds = 60;
 // A point is a stray where its neighbours expect it further away.
 constexpr double kStrayPx = 0.7, kStrayBends = 6;  // of the rms by which they leave a plane
-// So many sides away a marker is not where the points have it.
-constexpr double kElsewhereShare = 0.7;
-// Markers that are where they should be, of those beside one that may be misread as they may (so
-// many squares or tags away), and of all.
-constexpr double kRightShareBeside = 0.5, kBesideReach = 2.1, kRightShare = 0.7;
-// Of the bits of all markers.
-constexpr double kLeastBitCorrelation = 0.5, kLeastMeanBitCorrelation = 0.75;
-constexpr int kLeastRightMarkers = 2;
-constexpr double kPlacesPerMarker = 45;  // along the side of one, drawn for its bits
+constexpr double kBesideReach = 2.1;               // squares or tags to the markers beside one
 
 SeenBoard NothingSeen(size_t count) {
   SeenBoard seen;
@@ -80,20 +73,8 @@ bool IsEnough(const Board& board, const SeenBoard& seen) {
   return count >= kLeastCorners && last_row > first_row && last_column > first_column;
 }
 
-double LongestSide(const std::array<Eigen::Vector2d, 4>& corners) {
-  double longest = 0;
-  for (size_t i = 0; i < 4; ++i) {
-    longest = std::max(longest, (corners[(i + 1) % 4] - corners[i]).norm());
-  }
-  return longest;
-}
-
-Eigen::Vector2d MiddleOf(const std::array<Eigen::Vector2d, 4>& corners) {
-  return 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]);
-}
-
-std::optional<LocalPlane> PlaneOf(const FoundMarker& marker,
-                                  const std::array<Eigen::Vector2d, 4>& corners, double shift_px) {
+std::optional<LocalPlane> PlaneOf(const FoundMarker& marker, const MarkerCorners& corners,
+                                  double shift_px) {
   const Eigen::Vector2d middle_px = MiddleOf(marker.pixels);
   std::vector<PatternPixel> points;
   for (size_t k = 0; k < 4; ++k) {
@@ -101,31 +82,6 @@ std::optional<LocalPlane> PlaneOf(const FoundMarker& marker,
     points.emplace_back(corners[k], marker.pixels[k] + shift_px * from_middle.normalized());
   }
   return LocalPlane::Through(points);
-}
-
-bool IsNear(const FoundMarker& marker, const Eigen::Vector2d& expected_px) {
-  return (MiddleOf(marker.pixels) - expected_px).norm() <
-         kElsewhereShare * LongestSide(marker.pixels);
-}
-
-// The markers beside it are where it expects them: neither is it misread, nor is the board one of
-// other counts.
-bool AgreesWithThoseBeside(const FoundMarker& marker, const std::vector<FoundMarker>& markers,
-                           const PrintedPattern& pattern, double reach_m) {
-  const auto corners = pattern.markers().find(marker.id);
-  if (corners == pattern.markers().end()) return false;
-  const auto plane = PlaneOf(marker, corners->second, 0);
-  if (!plane) return false;
-  int told = 0, right = 0;
-  for (const FoundMarker& other : markers) {
-    const auto there = pattern.markers().find(other.id);
-    if (other.id == marker.id || there == pattern.markers().end()) continue;
-    const Eigen::Vector2d middle = MiddleOf(there->second);
-    if ((middle - MiddleOf(corners->second)).norm() > reach_m) continue;
-    ++told;
-    if (IsNear(other, plane->At(middle))) ++right;
-  }
-  return right >= kRightShareBeside * told;
 }
 
 class Growth {
@@ -181,6 +137,7 @@ class Growth {
       if (!known.Sees(i)) continue;
       size_t nearby = 0;
       const auto plane = Predict(known, i, false, &nearby);
+      Forget(i);
       if (!plane) continue;
       const Eigen::Vector2d at = pattern_.points()[i];
       if (!Fit(i, plane->Moved(known.pixels[i] - plane->At(at)), 0)) continue;
@@ -231,81 +188,8 @@ class Growth {
     }
   }
 
-  // The bits of the markers whose places are known are those that they should be: of two markers by
-  // themselves, which tells the layouts of ChArUco boards apart, and of all together.
-  bool ShowsItsBits() const {
-    double xx = 0, xy = 0, yy = 0;
-    int right = 0;
-    for (const auto& [id, corners] : pattern_.markers()) {
-      const Eigen::Vector2d middle = MiddleOf(corners);
-      std::vector<PatternPixel> near = Nearest(seen_, middle, kLeastPredictors);
-      if (near.size() < kLeastPredictors ||
-          (near.back().first - middle).norm() > 1.1 * board_.spacing_m) {
-        continue;
-      }
-      const auto plane = LocalPlane::Through(near);
-      if (!plane) continue;
-      const double side_px = LongestSide({plane->At(corners[0]), plane->At(corners[1]),
-                                          plane->At(corners[2]), plane->At(corners[3])});
-      if (!(side_px < grey_.cols)) continue;
-      const PatternPatch patch = pattern_.Show(*plane, middle, side_px, blur_px_,
-                                               std::min(3.0, kPlacesPerMarker / side_px));
-      constexpr int kPlaces = 15;  // along a side, within the border
-      std::vector<std::pair<double, double>> values;
-      for (int row = 0; row < kPlaces; ++row) {
-        for (int column = 0; column < kPlaces; ++column) {
-          const double u = 0.15 + 0.7 * column / (kPlaces - 1),
-                       v = 0.15 + 0.7 * row / (kPlaces - 1);
-          const Eigen::Vector2d at_m =
-              corners[0] + u * (corners[1] - corners[0]) + v * (corners[3] - corners[0]);
-          const Eigen::Vector2d pixel = plane->At(at_m), offset = pixel - patch.centre_px;
-          const int x = static_cast<int>(std::lround(pixel.x()));
-          const int y = static_cast<int>(std::lround(pixel.y()));
-          const int i = static_cast<int>(std::lround(patch.IndexOf(offset.x())));
-          const int j = static_cast<int>(std::lround(patch.IndexOf(offset.y())));
-          if (x < 0 || y < 0 || x >= grey_.cols || y >= grey_.rows || i < 0 || j < 0 ||
-              i >= patch.white.cols || j >= patch.white.rows) {
-            continue;
-          }
-          values.emplace_back(grey_.at<uint8_t>(y, x), patch.white(j, i));
-        }
-      }
-      if (values.empty()) continue;
-      double x = 0, y = 0;
-      for (const auto& [shown, white] : values) {
-        x += shown / static_cast<double>(values.size());
-        y += white / static_cast<double>(values.size());
-      }
-      double own_xx = 0, own_xy = 0, own_yy = 0;
-      for (const auto& [shown, white] : values) {
-        own_xx += (shown - x) * (shown - x);
-        own_xy += (shown - x) * (white - y);
-        own_yy += (white - y) * (white - y);
-      }
-      if (own_xy > kLeastBitCorrelation * std::sqrt(own_xx * own_yy)) ++right;
-      xx += own_xx;
-      xy += own_xy;
-      yy += own_yy;
-    }
-    return right >= kLeastRightMarkers && xy > kLeastMeanBitCorrelation * std::sqrt(xx * yy);
-  }
-
-  // Most of these markers are where the points have them: the board is not one of other counts.
-  bool HasItsMarkers(const std::vector<FoundMarker>& markers) const {
-    int told = 0, right = 0;
-    for (const FoundMarker& marker : markers) {
-      const auto corners = pattern_.markers().find(marker.id);
-      if (corners == pattern_.markers().end()) continue;
-      const Eigen::Vector2d middle = MiddleOf(corners->second);
-      const auto plane = LocalPlane::Through(Nearest(seen_, middle, kMostPredictors));
-      if (!plane) continue;
-      ++told;
-      if (IsNear(marker, plane->At(middle))) ++right;
-    }
-    return right >= kRightShare * told;
-  }
-
   const SeenBoard& seen() const { return seen_; }
+  double blur_px() const { return blur_px_; }
 
  private:
   static int WindowOf(double spacing_px) {
@@ -318,8 +202,7 @@ class Growth {
     return 0.5 * board_.spacing_m * (slope.col(0).norm() + slope.col(1).norm());
   }
 
-  std::optional<LocalPlane> FittedPlaneOf(const FoundMarker& marker,
-                                          const std::array<Eigen::Vector2d, 4>& corners) {
+  std::optional<LocalPlane> FittedPlaneOf(const FoundMarker& marker, const MarkerCorners& corners) {
     const double side_px = LongestSide(marker.pixels);
     const bool is_tag = board_.kind == BoardKind::kAprilGrid;
     const Eigen::Vector2d middle = MiddleOf(corners);
@@ -347,33 +230,13 @@ class Growth {
     return best->plane;
   }
 
-  // Of what is known, the nearest to a place of the pattern.
-  std::vector<PatternPixel> Nearest(const SeenBoard& known, const Eigen::Vector2d& pattern_m,
-                                    size_t most) const {
-    std::vector<PatternPixel> near;
-    for (size_t k = 0; k < pattern_.points().size(); ++k) {
-      if (known.Sees(k)) near.emplace_back(pattern_.points()[k], known.pixels[k]);
-    }
-    // Where it began stands in for points as long as there are few.
-    if (near.size() < kLeastCorners) near.insert(near.end(), support_.begin(), support_.end());
-    const auto count = static_cast<ptrdiff_t>(std::min(most, near.size()));
-    const auto is_nearer = [&](const PatternPixel& a, const PatternPixel& b) {
-      const double at_a = (a.first - pattern_m).squaredNorm();
-      const double at_b = (b.first - pattern_m).squaredNorm();
-      return std::make_tuple(at_a, a.first.x(), a.first.y()) <
-             std::make_tuple(at_b, b.first.x(), b.first.y());
-    };
-    std::partial_sort(near.begin(), near.begin() + count, near.end(), is_nearer);
-    near.resize(static_cast<size_t>(count));
-    return near;
-  }
-
   // By the points around it. `beside`: only where one is next to it: a lens bends the plane further
   // away. `nearby`: how many are as near as the predictors may be.
   std::optional<LocalPlane> Predict(const SeenBoard& known, size_t point, bool beside,
                                     size_t* nearby) const {
     const Eigen::Vector2d at = pattern_.points()[point];
-    const std::vector<PatternPixel> near = Nearest(known, at, kMostPredictors);
+    const std::vector<PatternPixel> near =
+        SeenNeighbours(pattern_, known, at, kMostPredictors, support_);
     if (near.size() < kLeastPredictors) return std::nullopt;
     const double reach_m2 = std::pow(kPredictorReach * board_.spacing_m, 2);
     if (beside && (near[0].first - at).squaredNorm() > reach_m2) return std::nullopt;
@@ -392,7 +255,8 @@ class Growth {
   // By how much the points around a place leave a plane, rms: a lens bends them.
   double BendAround(const SeenBoard& known, const Eigen::Vector2d& pattern_m,
                     const LocalPlane& plane) const {
-    const std::vector<PatternPixel> near = Nearest(known, pattern_m, kMostPredictors);
+    const std::vector<PatternPixel> near =
+        SeenNeighbours(pattern_, known, pattern_m, kMostPredictors);
     double squares_px2 = 0;
     for (const auto& [at, pixel] : near) squares_px2 += (plane.At(at) - pixel).squaredNorm();
     return std::sqrt(squares_px2 / static_cast<double>(near.size()));
@@ -443,14 +307,23 @@ class Growth {
   double blur_px_ = kFirstBlurPx;
 };
 
-}  // namespace
+ptrdiff_t CountSeen(const SeenBoard& seen) {
+  return std::count_if(seen.pixels.begin(), seen.pixels.end(),
+                       [](const Eigen::Vector2d& pixel) { return pixel.allFinite(); });
+}
 
-std::optional<SeenBoard> GrowBoard(const Board& board, const cv::Mat& grey, int marker_parity,
-                                   const std::vector<FoundMarker>& markers) {
+struct GrownBoard {
+  SeenBoard seen;
+  bool is_proved = false;
+};
+
+// The first board that is proved, or the largest that is not.
+GrownBoard GrowInLayout(const Board& board, const cv::Mat& grey, int marker_parity,
+                        const std::vector<FoundMarker>& markers) {
   const PrintedPattern pattern(board, marker_parity);
   std::vector<FoundMarker> starts;
   for (const FoundMarker& marker : markers) {
-    if (AgreesWithThoseBeside(marker, markers, pattern, kBesideReach * board.spacing_m)) {
+    if (AgreesWithThoseBeside(pattern, marker, markers, kBesideReach * board.spacing_m)) {
       starts.push_back(marker);
     }
   }
@@ -459,6 +332,7 @@ std::optional<SeenBoard> GrowBoard(const Board& board, const cv::Mat& grey, int 
     return LongestSide(a.pixels) > LongestSide(b.pixels);
   });
   if (starts.size() > kMostStarts) starts.resize(kMostStarts);
+  GrownBoard largest{NothingSeen(pattern.points().size()), false};
   int refused = 0;
   for (const FoundMarker& marker : starts) {
     Growth growth(board, grey, pattern);
@@ -468,12 +342,33 @@ std::optional<SeenBoard> GrowBoard(const Board& board, const cv::Mat& grey, int 
     growth.Refine();
     growth.DropMisfits();
     growth.DropStrays();
-    if (IsEnough(board, growth.seen()) && growth.ShowsItsBits() && growth.HasItsMarkers(markers)) {
-      return growth.seen();
+    const SeenBoard& seen = growth.seen();
+    if (!IsEnough(board, seen)) continue;
+    if (ShowsItsBits(pattern, grey, seen, growth.blur_px(), 1.1 * board.spacing_m) &&
+        HasItsMarkers(pattern, seen, markers)) {
+      return {seen, true};
     }
+    if (CountSeen(seen) > CountSeen(largest.seen)) largest.seen = seen;
     if (++refused == kMostRefused) break;
   }
-  return std::nullopt;
+  return largest;
+}
+
+}  // namespace
+
+std::optional<SeenBoard> GrowBoard(const Board& board, const cv::Mat& grey,
+                                   const std::vector<FoundMarker>& markers) {
+  if (markers.empty()) return std::nullopt;
+  GrownBoard best = GrowInLayout(board, grey, 1, markers);
+  // Where the squares in a row are odd in number, the layouts differ by a shift of one square, so
+  // that both show most of the bits: the one of which more is seen is the board's.
+  const bool has_old_layout = board.kind == BoardKind::kCharuco && (board.rows + 1) % 2 == 0;
+  if (has_old_layout && CountSeen(best.seen) < board.point_count()) {
+    GrownBoard old = GrowInLayout(board, grey, 0, markers);
+    if (CountSeen(old.seen) > CountSeen(best.seen)) best = std::move(old);
+  }
+  if (!best.is_proved) return std::nullopt;
+  return std::move(best.seen);
 }
 
 }  // namespace rigcal::agent

@@ -26,8 +26,7 @@ Eigen::VectorXd Normalised(const Eigen::VectorXd& values) {
 }
 
 // Mean brightness of each bit, by row; empty: not in the image.
-Eigen::VectorXd BitsWithin(const cv::Mat& grey, const std::array<Eigen::Vector2d, 4>& corners,
-                           int bits) {
+Eigen::VectorXd BitsWithin(const cv::Mat& grey, const MarkerCorners& corners, int bits) {
   const auto plane = LocalPlane::Through(
       {{{0, 0}, corners[0]}, {{1, 0}, corners[1]}, {{1, 1}, corners[2]}, {{0, 1}, corners[3]}});
   if (!plane) return {};
@@ -94,12 +93,12 @@ Eigen::VectorXd MarkerReader::Inner(const Eigen::VectorXd& all) const {
 }
 
 std::optional<FoundMarker> MarkerReader::Read(const cv::Mat& grey,
-                                              const std::array<Eigen::Vector2d, 4>& corners) const {
-  const Eigen::Vector2d middle = 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]);
+                                              const MarkerCorners& corners) const {
+  const Eigen::Vector2d middle = MiddleOf(corners);
   std::optional<FoundMarker> best;
   double best_correlation = 0;
   for (const double shift_px : kReadShiftsPx) {
-    std::array<Eigen::Vector2d, 4> shifted = corners;
+    MarkerCorners shifted = corners;
     for (Eigen::Vector2d& corner : shifted) corner += shift_px * (corner - middle).normalized();
     const Eigen::VectorXd seen = BitsWithin(grey, shifted, bits_);
     if (seen.size() == 0) continue;

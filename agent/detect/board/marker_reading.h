@@ -2,12 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
 
-#include "agent/detect/board/marker_growth.h"
+#include "agent/detect/board/found_marker.h"
+#include "common/board/board.h"
 
 namespace rigcal::agent {
 
@@ -21,8 +21,7 @@ class MarkerReader {
   // Which marker `grey` (CV_8UC1) shows within these four corners, in their order in the image: the
   // one whose bits correlate best with what is there, if they do so by themselves and clearly
   // better than those of any other one. None: it is none of them.
-  std::optional<FoundMarker> Read(const cv::Mat& grey,
-                                  const std::array<Eigen::Vector2d, 4>& corners) const;
+  std::optional<FoundMarker> Read(const cv::Mat& grey, const MarkerCorners& corners) const;
 
  private:
   struct Code {

@@ -20,8 +20,8 @@ double Covered(int index, double begin, double end) {
   return std::max(0.0, std::min(end, index + 1.0) - std::max(begin, static_cast<double>(index)));
 }
 
-std::map<int, std::array<Eigen::Vector2d, 4>> MarkersOf(const Board& board, int marker_parity) {
-  std::map<int, std::array<Eigen::Vector2d, 4>> markers;
+std::map<int, MarkerCorners> MarkersOf(const Board& board, int marker_parity) {
+  std::map<int, MarkerCorners> markers;
   const auto add = [&](int id, double x, double y, double side) {
     markers[id] = {Eigen::Vector2d(x, y), Eigen::Vector2d(x + side, y),
                    Eigen::Vector2d(x + side, y + side), Eigen::Vector2d(x, y + side)};

@@ -2,11 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <map>
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "agent/detect/board/found_marker.h"
 #include "agent/detect/board/local_plane.h"
 #include "common/board/board.h"
 #include "common/board/marker_cells.h"
@@ -33,7 +33,7 @@ class PrintedPattern {
   // The points of Board::Points(), by index.
   const std::vector<Eigen::Vector2d>& points() const { return points_; }
   // Of each marker by its number, the corners: upper left, upper right, lower right, lower left.
-  const std::map<int, std::array<Eigen::Vector2d, 4>>& markers() const { return markers_; }
+  const std::map<int, MarkerCorners>& markers() const { return markers_; }
 
   // `half_px`: from the centre of the patch, the image of `pattern_m`, to its sides. `blur_px`: one
   // sigma of a lens. Around the print it is white. Empty: the plane is seen edge-on.
@@ -43,7 +43,7 @@ class PrintedPattern {
  private:
   std::vector<BlackCell> cells_;
   std::vector<Eigen::Vector2d> points_;
-  std::map<int, std::array<Eigen::Vector2d, 4>> markers_;
+  std::map<int, MarkerCorners> markers_;
 };
 
 }  // namespace rigcal::agent

@@ -365,7 +365,7 @@ std::optional<SeenBoard> GrowBoard(const Board& board, const cv::Mat& grey,
   const bool has_old_layout = board.kind == BoardKind::kCharuco && (board.rows + 1) % 2 == 0;
   if (has_old_layout && CountSeen(best.seen) < board.point_count()) {
     GrownBoard old = GrowInLayout(board, grey, 0, markers);
-    if (CountSeen(old.seen) > CountSeen(best.seen)) best = std::move(old);
+    if (old.is_proved && CountSeen(old.seen) > CountSeen(best.seen)) best = std::move(old);
   }
   if (!best.is_proved) return std::nullopt;
   return std::move(best.seen);

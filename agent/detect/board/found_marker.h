@@ -15,6 +15,10 @@ struct FoundMarker {
   MarkerCorners pixels;  // upper left, upper right, lower right, lower left
 };
 
+// OpenCV's corners of a tag of an April grid are off along its diagonals, because the squares there
+// touch them: by how much outwards they are tried, pixels.
+inline constexpr double kTagShiftsPx[] = {0, -1.5, 1.5, -3};
+
 inline double LongestSide(const MarkerCorners& corners) {
   double longest = 0;
   for (size_t i = 0; i < 4; ++i) {

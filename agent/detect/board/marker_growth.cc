@@ -23,8 +23,6 @@ constexpr double kFirstBlurPx = 0.9;
 constexpr double kMostWholeMarkerPx = 32;
 constexpr double kMarkerWindowShare = 0.6;
 constexpr int kLeastMarkerHalfPx = 5, kMostMarkerHalfPx = 18;
-// OpenCV's corners of a tag are off along its diagonals, as the squares there touch them.
-constexpr double kTagShifts[] = {0, -1.5, 1.5, -3};
 constexpr double kLeastMarkerCorrelation = 0.75, kSureMarkerCorrelation = 0.9;
 constexpr int kMostStarts = 5;  // markers from which a board is grown
 // As many times a grid that is not the board has been found, of which there is no third.
@@ -49,7 +47,8 @@ constexpr double kPredictorReach = 1.05, kFarPredictorReach = 6;
 constexpr int kMostRounds = 60;
 // A point is a stray where its neighbours expect it further away.
 constexpr double kStrayPx = 0.7, kStrayBends = 6;  // of the rms by which they leave a plane
-constexpr double kBesideReach = 2.1;               // squares or tags to the markers beside one
+// Squares or tags from a marker to those beside it, and to its own points.
+constexpr double kBesideReach = 2.1, kOwnReach = 1.1;
 
 SeenBoard NothingSeen(size_t count) {
   SeenBoard seen;
@@ -216,7 +215,7 @@ class Growth {
     options.perspective = 0.01;
     options.blur_share = 0.5;
     std::optional<FittedPattern> best;
-    for (const double shift_px : kTagShifts) {
+    for (const double shift_px : kTagShiftsPx) {
       const auto plane = PlaneOf(marker, corners, shift_px);
       if (plane && side_px > kMostWholeMarkerPx) return plane;
       if (plane) {
@@ -344,7 +343,7 @@ GrownBoard GrowInLayout(const Board& board, const cv::Mat& grey, int marker_pari
     growth.DropStrays();
     const SeenBoard& seen = growth.seen();
     if (!IsEnough(board, seen)) continue;
-    if (ShowsItsBits(pattern, grey, seen, growth.blur_px(), 1.1 * board.spacing_m) &&
+    if (ShowsItsBits(pattern, grey, seen, growth.blur_px(), kOwnReach * board.spacing_m) &&
         HasItsMarkers(pattern, seen, markers)) {
       return {seen, true};
     }

@@ -15,8 +15,6 @@ constexpr int kCharucoBorderBits = 1, kTagBorderBits = 2;
 constexpr double kLeastReadCorrelation = 0.7;  // of the bits within the border, and of all
 constexpr double kReadMargin = 0.1;            // to the next marker
 constexpr int kPlacesOfBit = 3;                // along a side, in its inner half
-// OpenCV's corners of a tag are off along its diagonals, as the squares there touch them.
-constexpr double kReadShiftsPx[] = {0, -1.5, 1.5, -3};
 
 // Less its mean, of norm 1: products of two of them are correlations.
 Eigen::VectorXd Normalised(const Eigen::VectorXd& values) {
@@ -97,7 +95,7 @@ std::optional<FoundMarker> MarkerReader::Read(const cv::Mat& grey,
   const Eigen::Vector2d middle = MiddleOf(corners);
   std::optional<FoundMarker> best;
   double best_correlation = 0;
-  for (const double shift_px : kReadShiftsPx) {
+  for (const double shift_px : kTagShiftsPx) {
     MarkerCorners shifted = corners;
     for (Eigen::Vector2d& corner : shifted) corner += shift_px * (corner - middle).normalized();
     const Eigen::VectorXd seen = BitsWithin(grey, shifted, bits_);

@@ -10,12 +10,12 @@
 
 namespace rigcal::agent {
 
-// How far a fit may go from where it begins: one sigma each.
 struct PatternFitOptions {
-  bool is_rough = false;       // to a tenth of a pixel, without a covariance
-  int half_px = 6;             // pixels from the middle of the window to its sides
-  int search_px = 0;           // whole pixels to either side that are tried first
-  int drawings = 1;            // the print is drawn again where the last fit found it
+  bool is_rough = false;  // to a tenth of a pixel, without a covariance
+  int half_px = 6;        // pixels from the middle of the window to its sides
+  int search_px = 0;      // whole pixels to either side that are tried first
+  int drawings = 1;       // the print is drawn again where the last fit found it
+  // How far a fit may go from where it begins, one sigma each.
   double move_px = 1;          // of the centre
   double stretch = 0.05;       // of a length, or of an angle in radians
   double perspective = 0.001;  // of the stretch, for each pixel
@@ -25,7 +25,8 @@ struct PatternFitOptions {
 struct FittedPattern {
   LocalPlane plane{Eigen::Matrix3d::Identity()};
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();  // of the centre, by the residuals
+  // Of the centre, by the residuals; of a rough fit not known.
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
   double blur_px = 0;
   double correlation = 0;  // of the window with what it should show; 1: noise and model are exact
   double contrast = 0;     // grey levels from black to white

@@ -53,14 +53,14 @@ void AddMarker(const cv::aruco::Dictionary& dictionary, int id, int border_bits,
 }
 
 // `first`: the number of the first marker.
-std::vector<BlackCell> CharucoCells(const Board& board, int first) {
+std::vector<BlackCell> CharucoCells(const Board& board, int first, int marker_parity) {
   const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryOf(board));
   const double side_m = board.spacing_m, inset_m = 0.5 * (side_m - board.marker_m);
   std::vector<BlackCell> cells;
   int id = first;
   for (int row = 0; row <= board.rows; ++row) {
     for (int column = 0; column <= board.columns; ++column) {
-      if ((row + column) % 2 == 0) {
+      if ((row + column) % 2 != marker_parity) {
         cells.push_back({column * side_m, row * side_m, side_m});
         continue;
       }
@@ -101,9 +101,9 @@ int DictionaryOf(const Board& board) {
   return cv::aruco::DICT_APRILTAG_36h11;
 }
 
-std::vector<BlackCell> MarkerCells(const Board& board, BoardSide side) {
+std::vector<BlackCell> MarkerCells(const Board& board, BoardSide side, int marker_parity) {
   const int first = side == BoardSide::kBack ? board.side_marker_count() : 0;
-  return board.kind == BoardKind::kCharuco ? CharucoCells(board, first)
+  return board.kind == BoardKind::kCharuco ? CharucoCells(board, first, marker_parity)
                                            : AprilGridCells(board, first);
 }
 

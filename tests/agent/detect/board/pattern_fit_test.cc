@@ -24,7 +24,7 @@ struct Shown {
   Board board = *ParseBoard("board:charuco,9x6,0.035,0.025,5x5_100");
   Intrinsics lens = KnownPinhole();
   RigidTransform pose = BoardAt(board, lens, Eigen::Vector2d(320, 240), 0.85, {0.5, 0.3, 0.4});
-  PrintedPattern pattern{board, 1};
+  PrintedPattern pattern{board, BoardSide::kFront, 1};
 
   cv::Mat Image(double blur_px, double noise_grey, uint64_t seed = 7) const {
     return BoardRenderer(lens, kKnownImage).Render(board, pose, blur_px, noise_grey, seed);

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/accuracy/paper/paper_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "common/triangulate/triangulate_rows.h"
+#include "server/solve/calibrate.h"
+#include "tests/accuracy/paper/index_paired_solve.h"
+#include "tests/accuracy/seed_runs.h"
+
+namespace rigcal::accuracy {
+namespace {
+
+constexpr PaperTarget kTargets[] = {PaperTarget::kWand, PaperTarget::kCircles,
+                                    PaperTarget::kChecker};
+constexpr int kTargetCount = static_cast<int>(std::size(kTargets));
+constexpr int kConditionCount = static_cast<int>(std::size(kPaperConditions));
+
+std::vector<PaperMethod> MethodsOf(PaperTarget target) {
+  switch (target) {
+    case PaperTarget::kWand:
+      return {PaperMethod::kWandIndexPaired, PaperMethod::kWand};
+    case PaperTarget::kCircles:
+      return {PaperMethod::kCircles};
+    case PaperTarget::kChecker:
+      return {PaperMethod::kChecker};
+  }
+  return {};
+}
+
+bool IsAsked(const PaperOptions& options, const PaperCondition& condition, PaperMethod method) {
+  PaperRow row;
+  row.condition = condition.name;
+  row.method = method;
+  return NameOf(row).find(options.only) != std::string::npos;
+}
+
+// One method on one recording.
+struct Outcome {
+  PaperMethod method = PaperMethod::kWand;
+  absl::Status status;
+  CalibrationResult calibration;
+  PathErrors path;
+};
+
+Outcome Judge(PaperMethod method, absl::StatusOr<CalibrationResult> calibration,
+              const PaperRecording& recording) {
+  Outcome outcome;
+  outcome.method = method;
+  outcome.status = calibration.status();
+  if (!calibration.ok()) return outcome;
+  const absl::StatusOr<PathErrors> path = ComparePathOf(*calibration, recording);
+  outcome.status = path.status();
+  if (!path.ok()) return outcome;
+  outcome.path = *path;
+  outcome.calibration = *std::move(calibration);
+  return outcome;
+}
+
+std::vector<Outcome> RunTarget(const PaperRecordingOptions& options, PaperTarget target,
+                               const std::vector<PaperMethod>& asked) {
+  std::vector<Outcome> outcomes;
+  if (asked.empty()) return outcomes;
+  const absl::StatusOr<PaperRecording> recording = RecordPaper(options, target);
+  if (!recording.ok()) {
+    for (const PaperMethod method : asked) {
+      outcomes.push_back(Judge(method, recording.status(), PaperRecording()));
+    }
+    return outcomes;
+  }
+  CalibrationOptions solve;
+  if (target != PaperTarget::kWand) solve.marker_positions = Estimate::kFixed;
+  const absl::StatusOr<CalibrationResult> solved =
+      server::Calibrate(recording->input, solve).result;
+  for (const PaperMethod method : asked) {
+    const bool again = method == PaperMethod::kWandIndexPaired && solved.ok();
+    outcomes.push_back(
+        Judge(method, again ? SolveIndexPaired(recording->input, *solved) : solved, *recording));
+  }
+  return outcomes;
+}
+
+void AddOutcome(const Outcome& outcome, PaperRow* row) {
+  if (!outcome.status.ok()) {
+    row->first_failure.Update(outcome.status);
+    return;
+  }
+  if (row->cameras.empty()) row->cameras.resize(outcome.calibration.cameras.size());
+  for (size_t c = 0; c < row->cameras.size(); ++c) {
+    const CalibratedCamera& camera = outcome.calibration.cameras[c];
+    row->cameras[c].camera = camera.camera;
+    const ErrorFigures& all = camera.residuals.all;
+    row->cameras[c].error_px.Add(all.mean_px, all.rms_px, all.marker_count);
+  }
+  row->path_m.Add(outcome.path.mean_m, outcome.path.rms_m, static_cast<double>(outcome.path.count));
+  row->instants =
+      (row->instants * row->solved + outcome.calibration.instant_count) / (row->solved + 1);
+  ++row->solved;
+}
+
+}  // namespace
+
+const char* NameOf(PaperMethod method) {
+  static const char* const kNames[kPaperMethods] = {"wand, paired by index", "wand by rigcal",
+                                                    "circle board by rigcal",
+                                                    "checkerboard by rigcal"};
+  return kNames[static_cast<size_t>(method)];
+}
+
+std::string NameOf(const PaperRow& row) {
+  return absl::StrCat(row.condition, ": ", NameOf(row.method));
+}
+
+void PaperSums::Add(double mean, double rms, double added_count) {
+  count += added_count;
+  sum += added_count * mean;
+  squares += added_count * rms * rms;
+}
+
+double PaperSums::StandardDeviation() const {
+  return std::sqrt(std::max(0.0, squares / count - Mean() * Mean()));
+}
+
+absl::StatusOr<PathErrors> ComparePathOf(const CalibrationResult& calibration,
+                                         const PaperRecording& recording) {
+  RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
+                          TriangulateRows(calibration, recording.marker, {}));
+  std::vector<TimedPosition> path;
+  for (const TriangulatedPoint& point : triangulation.points) {
+    path.push_back({1e-9 * static_cast<double>(point.rig_time_ns), point.position_m});
+  }
+  return ComparePaths(path, recording.path, {.length_scale = false, .time_scale = false});
+}
+
+std::vector<PaperRow> RunPaper(const PaperOptions& options) {
+  std::vector<PaperRow> rows;
+  for (const PaperCondition& condition : kPaperConditions) {
+    for (int m = 0; m < kPaperMethods; ++m) {
+      PaperRow& row = rows.emplace_back();
+      row.condition = condition.name;
+      row.method = static_cast<PaperMethod>(m);
+      row.waved_s = options.recording.duration_s;
+    }
+  }
+  const int count = options.seeds * kConditionCount * kTargetCount;
+  const auto runs = RunAll<std::vector<Outcome>>(count, options.threads, [&](int i) {
+    const PaperTarget target = kTargets[i % kTargetCount];
+    const PaperCondition& condition = kPaperConditions[i / kTargetCount % kConditionCount];
+    PaperRecordingOptions recording = options.recording;
+    recording.seed = static_cast<uint32_t>(options.first_seed + i / kTargetCount / kConditionCount);
+    recording.first_camera_late_s = condition.first_camera_late_s;
+    std::vector<PaperMethod> asked = MethodsOf(target);
+    std::erase_if(asked, [&](PaperMethod method) { return !IsAsked(options, condition, method); });
+    return RunTarget(recording, target, asked);
+  });
+  for (int i = 0; i < count; ++i) {
+    const int condition = i / kTargetCount % kConditionCount;
+    for (const Outcome& outcome : runs[static_cast<size_t>(i)]) {
+      AddOutcome(outcome, &rows[static_cast<size_t>(condition * kPaperMethods) +
+                                static_cast<size_t>(outcome.method)]);
+    }
+  }
+  std::erase_if(rows,
+                [](const PaperRow& row) { return row.solved == 0 && row.first_failure.ok(); });
+  return rows;
+}
+
+}  // namespace rigcal::accuracy

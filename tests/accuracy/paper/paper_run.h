@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "tests/accuracy/paper/paper_recording.h"
+#include "tests/accuracy/solver/path_comparison.h"
+
+namespace rigcal::accuracy {
+
+// How a rig is calibrated: a row of the tables.
+enum class PaperMethod : uint8_t {
+  kWandIndexPaired = 0,  // as the paper solves it: index_paired_solve.h
+  kWand = 1,             // server::Calibrate with its defaults
+  kCircles = 2,          // server::Calibrate with a board whose points are held as given
+  kChecker = 3,
+};
+inline constexpr int kPaperMethods = 4;
+const char* NameOf(PaperMethod method);
+
+// What differs from a rig whose clocks agree.
+struct PaperCondition {
+  const char* name;
+  double first_camera_late_s;
+};
+inline constexpr PaperCondition kPaperConditions[] = {{"together", 0},
+                                                      {"frame_0 8 ms late", 0.008}};
+
+struct PaperOptions {
+  PaperRecordingOptions recording;  // its seed is not looked at
+  int seeds = 3;
+  int first_seed = 1;
+  int threads = 2;
+  std::string only;  // rows with this in "CONDITION: METHOD"; empty: all
+};
+
+// Sums over the seeds of what one figure of a table is the mean and standard deviation of.
+struct PaperSums {
+  double count = 0, sum = 0, squares = 0;
+
+  void Add(double mean, double rms, double added_count);
+  double Mean() const { return sum / count; }
+  double StandardDeviation() const;
+};
+
+struct PaperCamera {
+  std::string camera;
+  PaperSums error_px;  // distance of measured from projected centres, nothing left out
+};
+
+// One method under one condition, over all seeds.
+struct PaperRow {
+  std::string condition;
+  PaperMethod method = PaperMethod::kWand;
+  std::vector<PaperCamera> cameras;  // Table I: by name
+  PaperSums path_m;                  // Table II: distances of one marker from its path
+  double waved_s = 0;                // of each seed
+  double instants = 0;               // mean over the seeds that were solved
+  int solved = 0;                    // seeds
+  absl::Status first_failure;
+};
+
+// "CONDITION: METHOD", what `only` looks into.
+std::string NameOf(const PaperRow& row);
+
+// Simulates and solves every row; the same for any number of threads.
+std::vector<PaperRow> RunPaper(const PaperOptions& options);
+
+// Distances of a triangulated marker from its path after a rigid motion and a time offset: the
+// paper's protocol for its Table II, with the calibration's own clocks.
+absl::StatusOr<PathErrors> ComparePathOf(const CalibrationResult& calibration,
+                                         const PaperRecording& recording);
+
+}  // namespace rigcal::accuracy

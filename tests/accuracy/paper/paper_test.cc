@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/accuracy/paper/paper.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "tests/accuracy/paper/index_paired_solve.h"
+#include "tests/accuracy/paper/paper_recording.h"
+#include "tests/accuracy/paper/paper_report.h"
+#include "tests/accuracy/paper/paper_run.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::accuracy::paper_test {
+namespace {
+
+using ::rigcal::testing::StatusIs;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::SizeIs;
+using ::testing::internal::CaptureStderr;
+using ::testing::internal::CaptureStdout;
+using ::testing::internal::GetCapturedStderr;
+using ::testing::internal::GetCapturedStdout;
+
+constexpr double kMeanOfRayleigh = 1.2533;  // of sigma 1: the square root of pi / 2
+
+PaperOptions Short() {
+  PaperOptions options;
+  options.recording.duration_s = 12;
+  options.recording.path_s = 6;
+  options.recording.board_rate_hz = 5;
+  options.seeds = 1;
+  return options;
+}
+
+const PaperRow* RowOf(const std::vector<PaperRow>& rows, const std::string& name) {
+  const auto found =
+      std::ranges::find_if(rows, [&name](const PaperRow& row) { return NameOf(row) == name; });
+  return found == rows.end() ? nullptr : &*found;
+}
+
+// By view of the trigger, how many cameras see the target.
+std::vector<int> CamerasThatSee(const PaperRecording& recording) {
+  std::vector<int> counts(recording.input.tracks.front().observations.size(), 0);
+  for (const server::CameraTrack& track : recording.input.tracks) {
+    for (size_t i = 0; i < counts.size(); ++i) {
+      counts[i] += track.observations[i].VisibleCount() > 0 ? 1 : 0;
+    }
+  }
+  return counts;
+}
+
+TEST(PaperRecording, HasThePapersCameras) {
+  ASSERT_OK_AND_ASSIGN(const PaperRecording recording,
+                       RecordPaper(Short().recording, PaperTarget::kWand));
+  ASSERT_THAT(recording.input.tracks, SizeIs(kPaperCameras));
+  for (int c = 0; c < kPaperCameras; ++c) {
+    const server::CameraTrack& track = recording.input.tracks[static_cast<size_t>(c)];
+    const bool event = c >= kPaperFrameCameras;
+    EXPECT_EQ(track.camera.sensor, event ? SensorKind::kEvent : SensorKind::kFrame);
+    EXPECT_EQ(track.camera.image_size_px.width, 1280u);
+    EXPECT_EQ(track.camera.image_size_px.height, event ? 720u : 1024u);
+    for (const Observation& row : track.observations) {
+      for (const MarkerObservation& marker : row.markers) {
+        if (!marker.visible) continue;
+        EXPECT_GT(marker.centre_px.y(), -1);
+        EXPECT_LT(marker.centre_px.y(), track.camera.image_size_px.height);
+      }
+    }
+  }
+}
+
+TEST(PaperRecording, BoardIsSeenFromOneSide) {
+  PaperRecordingOptions options = Short().recording;
+  ASSERT_OK_AND_ASSIGN(const PaperRecording one_side, RecordPaper(options, PaperTarget::kCircles));
+  options.board_angle_deg = 180;
+  ASSERT_OK_AND_ASSIGN(const PaperRecording both, RecordPaper(options, PaperTarget::kCircles));
+  const std::vector<int> seen = CamerasThatSee(one_side), seen_from_both = CamerasThatSee(both);
+  // The cameras stand all around: less than three quarters of them are on one side.
+  EXPECT_GT(std::ranges::max(seen), 1);
+  EXPECT_LT(std::ranges::max(seen), 5);
+  EXPECT_GE(std::ranges::max(seen_from_both), 5);
+}
+
+TEST(PaperRecording, RefusesOptionsThatMakeNoWorld) {
+  PaperRecordingOptions options = Short().recording;
+  options.duration_s = -1;
+  EXPECT_THAT(RecordPaper(options, PaperTarget::kWand),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("duration")));
+}
+
+TEST(IndexPairedSolve, RefusesBoardsAndRowsThatShareNothing) {
+  ASSERT_OK_AND_ASSIGN(const PaperRecording board,
+                       RecordPaper(Short().recording, PaperTarget::kCircles));
+  EXPECT_THAT(SolveIndexPaired(board.input, {}),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("wand")));
+  ASSERT_OK_AND_ASSIGN(PaperRecording wand, RecordPaper(Short().recording, PaperTarget::kWand));
+  EXPECT_THAT(SolveIndexPaired(wand.input, {}),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("frame_0")));
+  CalibrationResult start;
+  for (server::CameraTrack& track : wand.input.tracks) {
+    start.cameras.emplace_back().camera = track.camera.camera;
+    track.observations.resize(5);
+  }
+  EXPECT_THAT(SolveIndexPaired(wand.input, start),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("fewer than 10")));
+}
+
+TEST(PaperRun, SameForTwoRunsAndForOneAndTwoThreads) {
+  PaperOptions options = Short();
+  options.threads = 2;
+  const std::string csv = PaperCsv(RunPaper(options));
+  EXPECT_THAT(csv, HasSubstr("checkerboard by rigcal"));
+  EXPECT_EQ(csv, PaperCsv(RunPaper(options)));
+  options.threads = 1;
+  EXPECT_EQ(csv, PaperCsv(RunPaper(options)));
+  ++options.first_seed;
+  options.only = "together: wand";
+  EXPECT_THAT(csv, Not(HasSubstr(PaperCsv(RunPaper(options)))));
+}
+
+TEST(PaperRun, RigcalsWandIsNotWorseThanPairsByIndex) {
+  PaperOptions options = Short();
+  options.only = ": wand";
+  const std::vector<PaperRow> rows = RunPaper(options);
+  ASSERT_THAT(rows, SizeIs(4));
+  for (const PaperCondition& condition : kPaperConditions) {
+    SCOPED_TRACE(condition.name);
+    const std::string name = condition.name;
+    const PaperRow* paired = RowOf(rows, name + ": wand, paired by index");
+    const PaperRow* rigcal = RowOf(rows, name + ": wand by rigcal");
+    ASSERT_TRUE(paired != nullptr && rigcal != nullptr);
+    ASSERT_EQ(paired->solved, 1) << paired->first_failure;
+    ASSERT_EQ(rigcal->solved, 1) << rigcal->first_failure;
+    EXPECT_LE(rigcal->path_m.Mean(), paired->path_m.Mean());
+    for (const PaperCamera& camera : rigcal->cameras) {
+      const PaperNoise noise = NoiseOf(PaperTarget::kWand);
+      const bool event = camera.camera.starts_with("event");
+      const double expected_px = kMeanOfRayleigh * (event ? noise.event_px : noise.frame_px);
+      // The solve takes some degrees of freedom out of the noise.
+      EXPECT_LT(camera.error_px.Mean(), 1.05 * expected_px) << camera.camera;
+      EXPECT_GT(camera.error_px.Mean(), 0.6 * expected_px) << camera.camera;
+    }
+  }
+  // 8 ms at 1.5 m/s are 12 mm.
+  EXPECT_GT(RowOf(rows, "frame_0 8 ms late: wand, paired by index")->path_m.Mean(), 1e-3);
+  EXPECT_LT(RowOf(rows, "frame_0 8 ms late: wand by rigcal")->path_m.Mean(), 5e-4);
+}
+
+TEST(Paper, SaysWhatItDoesNotKnow) {
+  CaptureStdout();
+  CaptureStderr();
+  const char* const arguments[] = {"rigcal-accuracy", "paper", "--only", "nothing"};
+  EXPECT_EQ(RunExperiment({Paper()}, 4, arguments), 1);
+  EXPECT_EQ(GetCapturedStdout(), "");
+  EXPECT_THAT(GetCapturedStderr(), HasSubstr("no row has \"nothing\" in its name"));
+}
+
+TEST(Paper, RefusesADataFolderWithoutTheRecording) {
+  CaptureStdout();
+  CaptureStderr();
+  const char* const arguments[] = {"rigcal-accuracy", "paper",  "--only",
+                                   "recording",       "--data", "/nowhere"};
+  EXPECT_EQ(RunExperiment({Paper()}, 6, arguments), 1);
+  GetCapturedStdout();
+  EXPECT_THAT(GetCapturedStderr(), HasSubstr("/nowhere"));
+}
+
+}  // namespace
+}  // namespace rigcal::accuracy::paper_test

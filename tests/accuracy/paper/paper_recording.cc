@@ -21,6 +21,10 @@ constexpr uint64_t kNoisePurpose = 0x70617065726e;
 constexpr uint64_t kMissedPurpose = 0x70617065726d;
 constexpr uint64_t kPathPurpose = 0x706170657270;
 constexpr double kMissedShare = 0.02;  // of views: wands found by event cameras, docs/accuracy.md
+// How a board is held: its front turns once around the rig's vertical in this time, so that every
+// camera has its turn, and swings by this up and down and about its normal.
+constexpr double kBoardTurnS = 20, kBoardSwingRad = 0.6;
+constexpr double kPitchPeriodS = 3.1, kRollPeriodS = 4.3;
 constexpr uint32_t kEventRows = 720;
 constexpr double kReferenceHz = 200;
 constexpr double kReferenceMarginS = 0.5;  // before and after the path
@@ -62,6 +66,36 @@ class Recorder {
   Recorder(const PaperRecordingOptions& options, PaperTarget target, const SimulatedWorld& world)
       : options_(options), target_(target), world_(world) {}
 
+  // The target as it is waved, where this camera looks at it. A camera that is early was exposed
+  // before the others, though its stamps do not say so.
+  WandPose WavedPose(int camera, int frame) const {
+    const double time_s = TimeS(camera, frame);
+    const WandPose waved = world_.WandAt(time_s);
+    if (!IsBoard()) return waved;
+    const auto swing = [time_s](double period_s) {
+      return kBoardSwingRad * std::sin(2 * std::numbers::pi * time_s / period_s);
+    };
+    // At rest the pattern is upright and -z of the board, its front, is x of the rig.
+    Eigen::Matrix3d rest;
+    rest.col(1) = -Eigen::Vector3d::UnitZ();
+    rest.col(2) = -Eigen::Vector3d::UnitX();
+    rest.col(0) = rest.col(1).cross(rest.col(2));
+    WandPose held = waved;
+    held.rotation =
+        Eigen::AngleAxisd(2 * std::numbers::pi * time_s / kBoardTurnS, Eigen::Vector3d::UnitZ()) *
+        Eigen::Quaterniond(rest) *
+        Eigen::AngleAxisd(swing(kPitchPeriodS), Eigen::Vector3d::UnitX()) *
+        Eigen::AngleAxisd(swing(kRollPeriodS), Eigen::Vector3d::UnitZ());
+    held.direction = held.rotation * Eigen::Vector3d::UnitX();
+    held.origin_m += MiddleM(waved) - MiddleM(held);
+    return held;
+  }
+
+  // Rig time at which a frame was exposed.
+  double TimeS(int camera, int frame) const {
+    return world_.FrameRigTime(camera, frame) - (camera == 0 ? options_.first_camera_early_s : 0);
+  }
+
   // `motion`: tells the noise of one motion from that of another.
   Observation See(int camera, int frame, const WandPose& pose, uint64_t motion) const {
     const SimulatedCamera& simulated = world_.cameras()[static_cast<size_t>(camera)];
@@ -69,7 +103,7 @@ class Recorder {
     const uint64_t key[3] = {motion, static_cast<uint64_t>(camera), static_cast<uint64_t>(frame)};
     RandomStream missed{options_.seed, kMissedPurpose, key[0], key[1], key[2]};
     bool seen = missed.Uniform() >= kMissedShare && Faces(simulated, pose);
-    const PaperNoise noise = NoiseOf(target_);
+    const PaperNoise noise = NoiseOf(options_.boards_noisy_as_wand ? PaperTarget::kWand : target_);
     const double sigma_px = IsEventCamera(camera) ? noise.event_px : noise.frame_px;
     for (size_t m = 0; m < row.markers.size(); ++m) {
       MarkerObservation& marker = row.markers[m];
@@ -99,13 +133,16 @@ class Recorder {
  private:
   bool IsBoard() const { return target_ != PaperTarget::kWand; }
 
+  Eigen::Vector3d MiddleM(const WandPose& pose) const {
+    const size_t last = static_cast<size_t>(world_.true_target().marker_count()) - 1;
+    return 0.5 * (world_.MarkerAt(pose, 0) + world_.MarkerAt(pose, last));
+  }
+
   // z of a board points away from who looks at its pattern (board.h).
   bool Faces(const SimulatedCamera& camera, const WandPose& pose) const {
     if (!IsBoard()) return true;
-    const size_t last = static_cast<size_t>(world_.true_target().marker_count()) - 1;
-    const Eigen::Vector3d middle_m = 0.5 * (world_.MarkerAt(pose, 0) + world_.MarkerAt(pose, last));
     const Eigen::Vector3d to_camera =
-        (camera.cam_from_rig.SourceFromTargetTranslation() - middle_m).normalized();
+        (camera.cam_from_rig.SourceFromTargetTranslation() - MiddleM(pose)).normalized();
     const Eigen::Vector3d front = Eigen::Quaterniond(pose.rotation) * -Eigen::Vector3d::UnitZ();
     return front.dot(to_camera) >= std::cos(options_.board_angle_deg * std::numbers::pi / 180);
   }
@@ -124,8 +161,29 @@ SimulationOptions WorldOptions(const PaperRecordingOptions& options, PaperTarget
   world.noise_px = world.outlier_share = world.dropout_share = 0;  // see Recorder
   world.length_sigma_m =
       target == PaperTarget::kWand ? options.wand_sigma_m : options.board_sigma_m;
-  if (options.first_camera_late_s != 0) world.time_offset_s[0] = -options.first_camera_late_s;
   return world;
+}
+
+// What bumps a camera: bumped_from_cam. Of frame_1 alone.
+RigidTransform BumpOf(const PaperRecordingOptions& options, int camera) {
+  if (camera != 1) return {};
+  return {Eigen::Quaterniond(Eigen::AngleAxisd(options.bump_rad, Eigen::Vector3d::UnitY())),
+          Eigen::Vector3d(options.bump_m, 0, 0)};
+}
+
+CalibrationResult TrueRig(const PaperRecordingOptions& options, const SimulatedWorld& world) {
+  CalibrationResult rig;
+  rig.scale_known = true;
+  for (int c = 0; c < kPaperCameras; ++c) {
+    const CameraDescription description = DescriptionOf(world, c);
+    CalibratedCamera& camera = rig.cameras.emplace_back();
+    camera.camera = camera.clock_id = description.camera;
+    camera.image_size_px = description.image_size_px;
+    camera.intrinsics = *description.intrinsics;
+    camera.cam_from_rig = BumpOf(options, c) * world.cameras()[static_cast<size_t>(c)].cam_from_rig;
+    camera.time_offset_s = c == 0 ? -options.first_camera_early_s : 0;
+  }
+  return rig;
 }
 
 // One marker of a wand that is exactly as long as it is said to be.
@@ -145,14 +203,22 @@ absl::Status RecordPath(const PaperRecordingOptions& options, PaperRecording* re
   };
   const Recorder recorder(exact, PaperTarget::kWand, world);
   for (int c = 0; c < kPaperCameras; ++c) {
+    const RigidTransform& cam_from_rig = world.cameras()[static_cast<size_t>(c)].cam_from_rig;
+    // A bumped camera sees what the others see as if that, not the camera, had moved.
+    const RigidTransform shown_from_rig =
+        cam_from_rig.Inverse() * BumpOf(options, c) * cam_from_rig;
     CameraRows& rows = recording->marker.emplace_back();
     rows.camera = DescriptionOf(world, c).camera;
     for (int frame = 0; frame < world.FrameCount(c); ++frame) {
-      Observation row = recorder.See(c, frame, pose_at(world.FrameRigTime(c, frame)), kPathPurpose);
+      WandPose shown = pose_at(recorder.TimeS(c, frame));
+      shown.origin_m = shown_from_rig * shown.origin_m;
+      shown.direction = shown_from_rig.rotation * shown.direction;
+      Observation row = recorder.See(c, frame, shown, kPathPurpose);
       row.markers = {row.markers[kPathMarker]};
       rows.rows.push_back(std::move(row));
     }
   }
+  recording->true_rig = TrueRig(options, world);
   recording->path.rate_hz = kReferenceHz;
   const int count =
       static_cast<int>(std::lround((options.path_s + 2 * kReferenceMarginS) * kReferenceHz));
@@ -195,8 +261,7 @@ absl::StatusOr<PaperRecording> RecordPaper(const PaperRecordingOptions& options,
     track.session_id = "wave";
     track.camera = DescriptionOf(world, c);
     for (int frame = 0; frame < world.FrameCount(c); frame += recorder.FrameStep()) {
-      track.observations.push_back(
-          recorder.See(c, frame, world.WandAt(world.FrameRigTime(c, frame)), 0));
+      track.observations.push_back(recorder.See(c, frame, recorder.WavedPose(c, frame), 0));
     }
   }
   RIGCAL_RETURN_IF_ERROR(RecordPath(options, &recording));

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
 #include "common/triangulate/triangulate_rows.h"
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/solver/path_comparison.h"
@@ -31,13 +32,19 @@ PaperNoise NoiseOf(PaperTarget target);
 
 struct PaperRecordingOptions {
   uint32_t seed = 1;       // of the rig, the motion and the noise
-  double duration_s = 60;  // of waving
+  double duration_s = 30;  // of waving
   double board_rate_hz =
       10;              // views of a board that are used; of a wand all that the trigger gives
   double path_s = 20;  // how long the marker of Table II moves
-  // A board is seen by cameras to which its pattern points by less than this; 180: from both sides.
+  // A board turns so that its front points to each camera in turn; it is seen by those to which its
+  // pattern points by less than this; 180: from both sides.
   double board_angle_deg = 70;
-  double first_camera_late_s = 0;  // frame_0 shows what the others saw so much earlier
+  // frame_0 is exposed so much before the others, though the trigger and its stamps say together.
+  double first_camera_early_s = 0;
+  bool boards_noisy_as_wand = false;
+  // frame_1 is moved after the calibration, before the marker of Table II: sideways, and turned
+  // about its vertical.
+  double bump_m = 0, bump_rad = 0;
   // One sigma of what is drawn and added: to each span of a wand, to each coordinate of the points
   // of a board.
   double wand_sigma_m = 0, board_sigma_m = 0;
@@ -47,6 +54,7 @@ struct PaperRecording {
   server::CalibrationInput input;  // a target waved in front of the cameras
   std::vector<CameraRows> marker;  // one marker of another wand, on another path
   ReferencePath path;              // where that marker was
+  CalibrationResult true_rig;      // when the marker was recorded; without residuals
 };
 
 // INVALID_ARGUMENT: options that make no world.

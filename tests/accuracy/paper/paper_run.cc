@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -16,6 +17,7 @@
 namespace rigcal::accuracy {
 namespace {
 
+constexpr double kNothingLeftOut = 1e6;  // sigmas
 constexpr PaperTarget kTargets[] = {PaperTarget::kWand, PaperTarget::kCircles,
                                     PaperTarget::kChecker};
 constexpr int kTargetCount = static_cast<int>(std::size(kTargets));
@@ -24,7 +26,7 @@ constexpr int kConditionCount = static_cast<int>(std::size(kPaperConditions));
 std::vector<PaperMethod> MethodsOf(PaperTarget target) {
   switch (target) {
     case PaperTarget::kWand:
-      return {PaperMethod::kWandIndexPaired, PaperMethod::kWand};
+      return {PaperMethod::kWandIndexPaired, PaperMethod::kWand, PaperMethod::kTruth};
     case PaperTarget::kCircles:
       return {PaperMethod::kCircles};
     case PaperTarget::kChecker:
@@ -34,6 +36,8 @@ std::vector<PaperMethod> MethodsOf(PaperTarget target) {
 }
 
 bool IsAsked(const PaperOptions& options, const PaperCondition& condition, PaperMethod method) {
+  const bool board = method == PaperMethod::kCircles || method == PaperMethod::kChecker;
+  if (condition.boards_noisy_as_wand && !board) return false;
   PaperRow row;
   row.condition = condition.name;
   row.method = method;
@@ -78,9 +82,12 @@ std::vector<Outcome> RunTarget(const PaperRecordingOptions& options, PaperTarget
   const absl::StatusOr<CalibrationResult> solved =
       server::Calibrate(recording->input, solve).result;
   for (const PaperMethod method : asked) {
-    const bool again = method == PaperMethod::kWandIndexPaired && solved.ok();
-    outcomes.push_back(
-        Judge(method, again ? SolveIndexPaired(recording->input, *solved) : solved, *recording));
+    absl::StatusOr<CalibrationResult> calibration = solved;
+    if (method == PaperMethod::kTruth) calibration = recording->true_rig;
+    if (method == PaperMethod::kWandIndexPaired && solved.ok()) {
+      calibration = SolveIndexPaired(recording->input, *solved);
+    }
+    outcomes.push_back(Judge(method, std::move(calibration), *recording));
   }
   return outcomes;
 }
@@ -90,7 +97,11 @@ void AddOutcome(const Outcome& outcome, PaperRow* row) {
     row->first_failure.Update(outcome.status);
     return;
   }
-  if (row->cameras.empty()) row->cameras.resize(outcome.calibration.cameras.size());
+  if (row->method == PaperMethod::kTruth) {
+    row->waved_s = 0;
+  } else if (row->cameras.empty()) {
+    row->cameras.resize(outcome.calibration.cameras.size());
+  }
   for (size_t c = 0; c < row->cameras.size(); ++c) {
     const CalibratedCamera& camera = outcome.calibration.cameras[c];
     row->cameras[c].camera = camera.camera;
@@ -108,7 +119,7 @@ void AddOutcome(const Outcome& outcome, PaperRow* row) {
 const char* NameOf(PaperMethod method) {
   static const char* const kNames[kPaperMethods] = {"wand, paired by index", "wand by rigcal",
                                                     "circle board by rigcal",
-                                                    "checkerboard by rigcal"};
+                                                    "checkerboard by rigcal", "the true rig"};
   return kNames[static_cast<size_t>(method)];
 }
 
@@ -128,8 +139,11 @@ double PaperSums::StandardDeviation() const {
 
 absl::StatusOr<PathErrors> ComparePathOf(const CalibrationResult& calibration,
                                          const PaperRecording& recording) {
+  TriangulationOptions options;
+  options.sigma_px = 1;
+  options.max_sigmas = kNothingLeftOut;
   RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
-                          TriangulateRows(calibration, recording.marker, {}));
+                          TriangulateRows(calibration, recording.marker, options));
   std::vector<TimedPosition> path;
   for (const TriangulatedPoint& point : triangulation.points) {
     path.push_back({1e-9 * static_cast<double>(point.rig_time_ns), point.position_m});
@@ -153,7 +167,10 @@ std::vector<PaperRow> RunPaper(const PaperOptions& options) {
     const PaperCondition& condition = kPaperConditions[i / kTargetCount % kConditionCount];
     PaperRecordingOptions recording = options.recording;
     recording.seed = static_cast<uint32_t>(options.first_seed + i / kTargetCount / kConditionCount);
-    recording.first_camera_late_s = condition.first_camera_late_s;
+    recording.first_camera_early_s = condition.first_camera_early_s;
+    recording.bump_m = condition.bump_m;
+    recording.bump_rad = condition.bump_deg * std::numbers::pi / 180;
+    recording.boards_noisy_as_wand = condition.boards_noisy_as_wand;
     std::vector<PaperMethod> asked = MethodsOf(target);
     std::erase_if(asked, [&](PaperMethod method) { return !IsAsked(options, condition, method); });
     return RunTarget(recording, target, asked);

@@ -6,11 +6,13 @@
 
 #include <fmt/core.h>
 
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "tests/accuracy/paper/paper_report.h"
 #include "tests/accuracy/paper/paper_run.h"
 #include "tests/accuracy/solver/recording.h"
@@ -34,6 +36,10 @@ bool WriteFile(const std::string& path, const std::string& text) {
 }
 
 absl::StatusOr<std::vector<PaperRealRow>> RunReal(const std::string& data) {
+  if (!data.empty() && !std::filesystem::is_directory(std::filesystem::path(data) / "ewand")) {
+    return absl::NotFoundError(
+        absl::StrCat("--data ", data, ": it has no folder ewand; name the folder above that"));
+  }
   const absl::StatusOr<server::CalibrationInput> input =
       data.empty() ? WandRecording() : server::RecordedInput(data);
   if (!input.ok()) return input.status();

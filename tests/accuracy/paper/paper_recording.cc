@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/paper/paper_recording.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <string>
@@ -21,9 +22,8 @@ constexpr uint64_t kNoisePurpose = 0x70617065726e;
 constexpr uint64_t kMissedPurpose = 0x70617065726d;
 constexpr uint64_t kPathPurpose = 0x706170657270;
 constexpr double kMissedShare = 0.02;  // of views: wands found by event cameras, docs/accuracy.md
-// How a board is held: its front turns once around the rig's vertical in this time, so that every
-// camera has its turn, and swings by this up and down and about its normal.
-constexpr double kBoardTurnS = 20, kBoardSwingRad = 0.6;
+// How a board swings up and down and about its normal.
+constexpr double kBoardSwingRad = 0.6;
 constexpr double kPitchPeriodS = 3.1, kRollPeriodS = 4.3;
 constexpr uint32_t kEventRows = 720;
 constexpr double kReferenceHz = 200;
@@ -81,11 +81,11 @@ class Recorder {
     rest.col(2) = -Eigen::Vector3d::UnitX();
     rest.col(0) = rest.col(1).cross(rest.col(2));
     WandPose held = waved;
-    held.rotation =
-        Eigen::AngleAxisd(2 * std::numbers::pi * time_s / kBoardTurnS, Eigen::Vector3d::UnitZ()) *
-        Eigen::Quaterniond(rest) *
-        Eigen::AngleAxisd(swing(kPitchPeriodS), Eigen::Vector3d::UnitX()) *
-        Eigen::AngleAxisd(swing(kRollPeriodS), Eigen::Vector3d::UnitZ());
+    held.rotation = Eigen::AngleAxisd(2 * std::numbers::pi * time_s / options_.board_turn_s,
+                                      Eigen::Vector3d::UnitZ()) *
+                    Eigen::Quaterniond(rest) *
+                    Eigen::AngleAxisd(swing(kPitchPeriodS), Eigen::Vector3d::UnitX()) *
+                    Eigen::AngleAxisd(swing(kRollPeriodS), Eigen::Vector3d::UnitZ());
     held.direction = held.rotation * Eigen::Vector3d::UnitX();
     held.origin_m += MiddleM(waved) - MiddleM(held);
     return held;
@@ -103,23 +103,32 @@ class Recorder {
     const uint64_t key[3] = {motion, static_cast<uint64_t>(camera), static_cast<uint64_t>(frame)};
     RandomStream missed{options_.seed, kMissedPurpose, key[0], key[1], key[2]};
     bool seen = missed.Uniform() >= kMissedShare && Faces(simulated, pose);
-    const PaperNoise noise = NoiseOf(options_.boards_noisy_as_wand ? PaperTarget::kWand : target_);
-    const double sigma_px = IsEventCamera(camera) ? noise.event_px : noise.frame_px;
+    const double sigma_px = SigmaPx(camera);
     for (size_t m = 0; m < row.markers.size(); ++m) {
       MarkerObservation& marker = row.markers[m];
-      RandomStream random{options_.seed, kNoisePurpose, key[0], key[1], key[2], m};
-      const double x_px = sigma_px * random.Gaussian(), y_px = sigma_px * random.Gaussian();
       if (IsEventCamera(camera)) {
         marker.centre_px.y() -= FirstRow(simulated);
         marker.visible &= marker.centre_px.y() >= 0 && marker.centre_px.y() <= kEventRows - 1.0;
       }
-      marker.centre_px += Eigen::Vector2d(x_px, y_px);
+      marker.centre_px += NoisePx(camera, frame, m, motion);
       marker.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
     }
     // These boards are found whole or not at all.
     if (IsBoard()) seen &= row.VisibleCount() == static_cast<int>(row.markers.size());
     if (!seen) row.markers.assign(row.markers.size(), MarkerObservation());
     return row;
+  }
+
+  // What See adds to a centre.
+  Eigen::Vector2d NoisePx(int camera, int frame, size_t marker, uint64_t motion) const {
+    RandomStream random{options_.seed,
+                        kNoisePurpose,
+                        motion,
+                        static_cast<uint64_t>(camera),
+                        static_cast<uint64_t>(frame),
+                        marker};
+    const double x = random.Gaussian(), y = random.Gaussian();
+    return SigmaPx(camera) * Eigen::Vector2d(x, y);
   }
 
   // Every so manieth frame of the trigger shows the target.
@@ -132,6 +141,11 @@ class Recorder {
 
  private:
   bool IsBoard() const { return target_ != PaperTarget::kWand; }
+
+  double SigmaPx(int camera) const {
+    const PaperNoise noise = NoiseOf(options_.boards_noisy_as_wand ? PaperTarget::kWand : target_);
+    return IsEventCamera(camera) ? noise.event_px : noise.frame_px;
+  }
 
   Eigen::Vector3d MiddleM(const WandPose& pose) const {
     const size_t last = static_cast<size_t>(world_.true_target().marker_count()) - 1;
@@ -208,14 +222,18 @@ absl::Status RecordPath(const PaperRecordingOptions& options, PaperRecording* re
     const RigidTransform shown_from_rig =
         cam_from_rig.Inverse() * BumpOf(options, c) * cam_from_rig;
     CameraRows& rows = recording->marker.emplace_back();
-    rows.camera = DescriptionOf(world, c).camera;
+    CameraRows& exact_rows = recording->exact_marker.emplace_back();
+    rows.camera = exact_rows.camera = DescriptionOf(world, c).camera;
     for (int frame = 0; frame < world.FrameCount(c); ++frame) {
       WandPose shown = pose_at(recorder.TimeS(c, frame));
       shown.origin_m = shown_from_rig * shown.origin_m;
       shown.direction = shown_from_rig.rotation * shown.direction;
       Observation row = recorder.See(c, frame, shown, kPathPurpose);
       row.markers = {row.markers[kPathMarker]};
+      Observation exact_row = row;
+      exact_row.markers[0].centre_px -= recorder.NoisePx(c, frame, kPathMarker, kPathPurpose);
       rows.rows.push_back(std::move(row));
+      exact_rows.rows.push_back(std::move(exact_row));
     }
   }
   recording->true_rig = TrueRig(options, world);

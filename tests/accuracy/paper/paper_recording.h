@@ -33,11 +33,13 @@ PaperNoise NoiseOf(PaperTarget target);
 struct PaperRecordingOptions {
   uint32_t seed = 1;       // of the rig, the motion and the noise
   double duration_s = 30;  // of waving
-  double board_rate_hz =
-      10;              // views of a board that are used; of a wand all that the trigger gives
+  // Views of a board that are used; of a wand all are that the trigger gives.
+  double board_rate_hz = 10;
   double path_s = 20;  // how long the marker of Table II moves
-  // A board turns so that its front points to each camera in turn; it is seen by those to which its
-  // pattern points by less than this; 180: from both sides.
+  // A board turns once about the rig's vertical in this time, so that its front points to each
+  // camera in turn.
+  double board_turn_s = 20;
+  // It is seen by cameras to which its front points by less than this; 180: from both sides.
   double board_angle_deg = 70;
   // frame_0 is exposed so much before the others, though the trigger and its stamps say together.
   double first_camera_early_s = 0;
@@ -51,10 +53,11 @@ struct PaperRecordingOptions {
 };
 
 struct PaperRecording {
-  server::CalibrationInput input;  // a target waved in front of the cameras
-  std::vector<CameraRows> marker;  // one marker of another wand, on another path
-  ReferencePath path;              // where that marker was
-  CalibrationResult true_rig;      // when the marker was recorded; without residuals
+  server::CalibrationInput input;        // a target waved in front of the cameras
+  std::vector<CameraRows> marker;        // one marker of another wand, on another path
+  std::vector<CameraRows> exact_marker;  // the same without noise
+  ReferencePath path;                    // where that marker was
+  CalibrationResult true_rig;            // when the marker was recorded; without residuals
 };
 
 // INVALID_ARGUMENT: options that make no world.

@@ -49,7 +49,7 @@ struct Outcome {
   PaperMethod method = PaperMethod::kWand;
   absl::Status status;
   CalibrationResult calibration;
-  PathErrors path;
+  PathErrors path, exact_path;
 };
 
 Outcome Judge(PaperMethod method, absl::StatusOr<CalibrationResult> calibration,
@@ -58,10 +58,13 @@ Outcome Judge(PaperMethod method, absl::StatusOr<CalibrationResult> calibration,
   outcome.method = method;
   outcome.status = calibration.status();
   if (!calibration.ok()) return outcome;
-  const absl::StatusOr<PathErrors> path = ComparePathOf(*calibration, recording);
-  outcome.status = path.status();
-  if (!path.ok()) return outcome;
+  const auto path = ComparePathOf(*calibration, recording.marker, recording.path);
+  const auto exact = ComparePathOf(*calibration, recording.exact_marker, recording.path);
+  outcome.status.Update(path.status());
+  outcome.status.Update(exact.status());
+  if (!outcome.status.ok()) return outcome;
   outcome.path = *path;
+  outcome.exact_path = *exact;
   outcome.calibration = *std::move(calibration);
   return outcome;
 }
@@ -92,23 +95,22 @@ std::vector<Outcome> RunTarget(const PaperRecordingOptions& options, PaperTarget
   return outcomes;
 }
 
-void AddOutcome(const Outcome& outcome, PaperRow* row) {
+void AddOutcome(const Outcome& outcome, bool bumped_later, PaperRow* row) {
   if (!outcome.status.ok()) {
     row->first_failure.Update(outcome.status);
     return;
   }
-  if (row->method == PaperMethod::kTruth) {
-    row->waved_s = 0;
-  } else if (row->cameras.empty()) {
-    row->cameras.resize(outcome.calibration.cameras.size());
-  }
+  // A bump after the calibration changes nothing of it.
+  const bool has_residuals = row->method != PaperMethod::kTruth && !bumped_later;
+  if (has_residuals) row->cameras.resize(outcome.calibration.cameras.size());
   for (size_t c = 0; c < row->cameras.size(); ++c) {
     const CalibratedCamera& camera = outcome.calibration.cameras[c];
     row->cameras[c].camera = camera.camera;
     const ErrorFigures& all = camera.residuals.all;
     row->cameras[c].error_px.Add(all.mean_px, all.rms_px, all.marker_count);
   }
-  row->path_m.Add(outcome.path.mean_m, outcome.path.rms_m, static_cast<double>(outcome.path.count));
+  row->path_m.Add(outcome.path);
+  row->exact_path_m.Add(outcome.exact_path);
   row->instants =
       (row->instants * row->solved + outcome.calibration.instant_count) / (row->solved + 1);
   ++row->solved;
@@ -133,22 +135,27 @@ void PaperSums::Add(double mean, double rms, double added_count) {
   squares += added_count * rms * rms;
 }
 
+void PaperSums::Add(const PathErrors& errors) {
+  Add(errors.mean_m, errors.rms_m, static_cast<double>(errors.count));
+}
+
 double PaperSums::StandardDeviation() const {
   return std::sqrt(std::max(0.0, squares / count - Mean() * Mean()));
 }
 
 absl::StatusOr<PathErrors> ComparePathOf(const CalibrationResult& calibration,
-                                         const PaperRecording& recording) {
+                                         const std::vector<CameraRows>& marker,
+                                         const ReferencePath& path) {
   TriangulationOptions options;
   options.sigma_px = 1;
   options.max_sigmas = kNothingLeftOut;
   RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
-                          TriangulateRows(calibration, recording.marker, options));
-  std::vector<TimedPosition> path;
+                          TriangulateRows(calibration, marker, options));
+  std::vector<TimedPosition> points;
   for (const TriangulatedPoint& point : triangulation.points) {
-    path.push_back({1e-9 * static_cast<double>(point.rig_time_ns), point.position_m});
+    points.push_back({1e-9 * static_cast<double>(point.rig_time_ns), point.position_m});
   }
-  return ComparePaths(path, recording.path, {.length_scale = false, .time_scale = false});
+  return ComparePaths(points, path, {.length_scale = false, .time_scale = false});
 }
 
 std::vector<PaperRow> RunPaper(const PaperOptions& options) {
@@ -158,7 +165,7 @@ std::vector<PaperRow> RunPaper(const PaperOptions& options) {
       PaperRow& row = rows.emplace_back();
       row.condition = condition.name;
       row.method = static_cast<PaperMethod>(m);
-      row.waved_s = options.recording.duration_s;
+      if (row.method != PaperMethod::kTruth) row.waved_s = options.recording.duration_s;
     }
   }
   const int count = options.seeds * kConditionCount * kTargetCount;
@@ -170,6 +177,8 @@ std::vector<PaperRow> RunPaper(const PaperOptions& options) {
     recording.first_camera_early_s = condition.first_camera_early_s;
     recording.bump_m = condition.bump_m;
     recording.bump_rad = condition.bump_deg * std::numbers::pi / 180;
+    recording.wand_sigma_m = condition.wand_sigma_m;
+    recording.board_sigma_m = condition.board_sigma_m;
     recording.boards_noisy_as_wand = condition.boards_noisy_as_wand;
     std::vector<PaperMethod> asked = MethodsOf(target);
     std::erase_if(asked, [&](PaperMethod method) { return !IsAsked(options, condition, method); });
@@ -178,8 +187,9 @@ std::vector<PaperRow> RunPaper(const PaperOptions& options) {
   for (int i = 0; i < count; ++i) {
     const int condition = i / kTargetCount % kConditionCount;
     for (const Outcome& outcome : runs[static_cast<size_t>(i)]) {
-      AddOutcome(outcome, &rows[static_cast<size_t>(condition * kPaperMethods) +
-                                static_cast<size_t>(outcome.method)]);
+      AddOutcome(outcome, kPaperConditions[condition].bump_m > 0,
+                 &rows[static_cast<size_t>(condition * kPaperMethods) +
+                       static_cast<size_t>(outcome.method)]);
     }
   }
   std::erase_if(rows,

@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
+#include "common/target/target.h"
 #include "tests/accuracy/paper/paper_recording.h"
 #include "tests/accuracy/solver/path_comparison.h"
 
@@ -30,10 +31,12 @@ struct PaperCondition {
   double first_camera_early_s = 0;
   double bump_m = 0, bump_deg = 0;
   bool boards_noisy_as_wand = false;  // only boards differ from the first condition
+  double wand_sigma_m = 0, board_sigma_m = 0;
 };
 inline constexpr PaperCondition kPaperConditions[] = {
     {.name = "together"},
     {.name = "boards noisy as the wand", .boards_noisy_as_wand = true},
+    {.name = "targets as built", .wand_sigma_m = 0.0001, .board_sigma_m = kBoardSigmaM},
     {.name = "frame_0 8 ms early", .first_camera_early_s = 0.008},
     {.name = "frame_1 bumped later", .bump_m = 0.005, .bump_deg = 0.3},
 };
@@ -51,6 +54,7 @@ struct PaperSums {
   double count = 0, sum = 0, squares = 0;
 
   void Add(double mean, double rms, double added_count);
+  void Add(const PathErrors& errors);
   double Mean() const { return sum / count; }
   double StandardDeviation() const;
 };
@@ -64,8 +68,9 @@ struct PaperCamera {
 struct PaperRow {
   std::string condition;
   PaperMethod method = PaperMethod::kWand;
-  std::vector<PaperCamera> cameras;  // Table I: by name
+  std::vector<PaperCamera> cameras;  // Table I: by name; empty where it has no row
   PaperSums path_m;                  // Table II: distances of one marker from its path
+  PaperSums exact_path_m;            // the same where its centres have no noise
   double waved_s = 0;                // of each seed
   double instants = 0;               // mean over the seeds that were solved
   int solved = 0;                    // seeds
@@ -82,6 +87,7 @@ std::vector<PaperRow> RunPaper(const PaperOptions& options);
 // paper's protocol for its Table II. The calibration's own clocks, all centres alike, nothing left
 // out.
 absl::StatusOr<PathErrors> ComparePathOf(const CalibrationResult& calibration,
-                                         const PaperRecording& recording);
+                                         const std::vector<CameraRows>& marker,
+                                         const ReferencePath& path);
 
 }  // namespace rigcal::accuracy

@@ -270,9 +270,10 @@ absl::StatusOr<PaperRecording> RecordPaper(const PaperRecordingOptions& options,
                                            PaperTarget target) {
   PaperRecording recording;
   RIGCAL_ASSIGN_OR_RETURN(recording.input.target, MakeTarget(target));
-  RIGCAL_ASSIGN_OR_RETURN(
-      const SimulatedWorld world,
-      SimulatedWorld::Create(WorldOptions(options, target), recording.input.target));
+  Target shown = recording.input.target;
+  shown.board.clear();  // points that are off are not those of a printed board
+  RIGCAL_ASSIGN_OR_RETURN(const SimulatedWorld world,
+                          SimulatedWorld::Create(WorldOptions(options, target), shown));
   const Recorder recorder(options, target, world);
   for (int c = 0; c < kPaperCameras; ++c) {
     server::CameraTrack& track = recording.input.tracks.emplace_back();

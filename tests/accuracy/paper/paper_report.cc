@@ -32,9 +32,8 @@ std::vector<std::string> Limits(const PaperOptions& options) {
   return {
       "Simulated points, not pixels: nothing is rendered or detected. The rigs are drawn; lenses "
       "are exactly as given.",
-      fmt::format("Seeds {} to {}; every target is waved for {} s along the same "
-                  "path. A wand is "
-                  "seen 50 times a second, a board used {} times.",
+      fmt::format("Seeds {} to {}; every target is waved for {} s along the same path. A wand "
+                  "is seen 50 times a second, a board used {} times.",
                   options.first_seed, options.first_seed + options.seeds - 1, recording.duration_s,
                   recording.board_rate_hz),
       fmt::format("One sigma of a coordinate, px, in frame and event cameras: wand {}, circles {}, "
@@ -56,8 +55,7 @@ std::vector<std::string> Limits(const PaperOptions& options) {
       "\"frame_0 8 ms early\": it is exposed 8 ms before the others, all stamps say together. "
       "\"frame_1 bumped later\": moved by 5 mm and turned by 0.3 degrees between the calibration "
       "and the marker of Table II; nobody calibrated again. \"boards noisy as the wand\": points "
-      "of "
-      "boards have the noise of the wand's centres.",
+      "of boards have the noise of the wand's centres.",
       "\"the true rig\" is not calibrated: what the noise of the marker alone leaves in Table II. "
       "\"exact marker\": its centres have no noise, the error is that of the calibration alone.",
       "\"paired by index\" is our reading of the paper's description, not its program, and starts "

@@ -82,8 +82,10 @@ std::vector<Outcome> RunTarget(const PaperRecordingOptions& options, PaperTarget
   }
   CalibrationOptions solve;
   if (target != PaperTarget::kWand) solve.marker_positions = Estimate::kFixed;
-  const absl::StatusOr<CalibrationResult> solved =
-      server::Calibrate(recording->input, solve).result;
+  absl::StatusOr<CalibrationResult> solved = recording->true_rig;
+  const bool solves =
+      std::ranges::any_of(asked, [](PaperMethod method) { return method != PaperMethod::kTruth; });
+  if (solves) solved = server::Calibrate(recording->input, solve).result;
   for (const PaperMethod method : asked) {
     absl::StatusOr<CalibrationResult> calibration = solved;
     if (method == PaperMethod::kTruth) calibration = recording->true_rig;

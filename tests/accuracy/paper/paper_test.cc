@@ -31,10 +31,10 @@ constexpr double kMeanOfRayleigh = 1.2533;  // of sigma 1: the square root of pi
 
 PaperOptions Short() {
   PaperOptions options;
-  options.recording.duration_s = 12;
+  options.recording.duration_s = 10;
   options.recording.path_s = 6;
-  options.recording.board_rate_hz = 5;
-  options.recording.board_turn_s = 10;
+  options.recording.board_rate_hz = 4;
+  options.recording.board_turn_s = 8;
   options.seeds = 1;
   return options;
 }
@@ -86,6 +86,31 @@ TEST(PaperRecording, BoardIsSeenFromOneSide) {
   EXPECT_GT(std::ranges::max(seen), 1);
   EXPECT_LT(std::ranges::max(seen), 5);
   EXPECT_GE(std::ranges::max(seen_from_both), 5);
+}
+
+// The same motion is seen: only the points are elsewhere.
+TEST(PaperRecording, PointsOfABoardAreOffAsAsked) {
+  PaperRecordingOptions options = Short().recording;
+  ASSERT_OK_AND_ASSIGN(const PaperRecording exact, RecordPaper(options, PaperTarget::kChecker));
+  options.board_sigma_m = 0.002;
+  ASSERT_OK_AND_ASSIGN(const PaperRecording off, RecordPaper(options, PaperTarget::kChecker));
+  EXPECT_EQ(off.input.target, exact.input.target);
+  double squares_px2 = 0;
+  int count = 0;
+  const std::vector<Observation>& rows = off.input.tracks.front().observations;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const Observation& other = exact.input.tracks.front().observations[i];
+    for (size_t m = 0; m < rows[i].markers.size(); ++m) {
+      if (!rows[i].markers[m].visible || !other.markers[m].visible) continue;
+      squares_px2 += (rows[i].markers[m].centre_px - other.markers[m].centre_px).squaredNorm();
+      ++count;
+    }
+  }
+  ASSERT_GT(count, 200);
+  // Of 1250 px, seen from 2 to 6 m; a board that is tilted shows less of one direction.
+  const double rms_px = std::sqrt(squares_px2 / (2 * count));
+  EXPECT_GT(rms_px, 0.002 * 1250 / 6 * 0.7);
+  EXPECT_LT(rms_px, 0.002 * 1250 / 2);
 }
 
 TEST(PaperRecording, RefusesOptionsThatMakeNoWorld) {

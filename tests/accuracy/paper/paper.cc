@@ -81,6 +81,8 @@ Experiment::Run PreparePaper(OptionList* list) {
   list->Add("--duration", &options.recording.duration_s, 5, 3600, "seconds of waving");
   list->Add("--board-rate", &options.recording.board_rate_hz, 1, kPaperTriggerHz,
             "views of a board that are used, a second");
+  list->Add("--board-angle", &options.recording.board_angle_deg, 5, 180,
+            "a camera sees a board whose front points to it by less, degrees; 180: both sides");
   list->Add("--only", &options.only,
             "rows with this in \"CONDITION: METHOD\", or recording: the published one");
   list->Add("--data", &arguments->data, "folder that has the published recording as ewand/");

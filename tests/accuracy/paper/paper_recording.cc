@@ -131,7 +131,7 @@ class Recorder {
     return SigmaPx(camera) * Eigen::Vector2d(x, y);
   }
 
-  // Every so manieth frame of the trigger shows the target.
+  // Of so many frames of the trigger one is used.
   int FrameStep() const {
     return IsBoard()
                ? std::max(1,

@@ -77,12 +77,19 @@ std::string Figure(const PaperRealRow& row, size_t camera) {
   return fmt::format("{:.3f} ({:.3f})", row.mean_px[camera], row.sd_px[camera]);
 }
 
+// Options that have their defaults are left out.
 std::string CommandOf(const PaperOptions& options, const PaperRow& row) {
-  return fmt::format(
-      "rigcal-accuracy paper --seeds {} --first-seed {} --duration {} --board-rate {} "
-      "--only \"{}\"",
-      options.seeds, options.first_seed, options.recording.duration_s,
-      options.recording.board_rate_hz, NameOf(row));
+  const PaperOptions defaults;
+  std::string command = "rigcal-accuracy paper";
+  const auto add = [&command](const char* name, double value, double usual) {
+    if (value != usual) command += fmt::format(" {} {}", name, value);
+  };
+  add("--seeds", options.seeds, defaults.seeds);
+  add("--first-seed", options.first_seed, defaults.first_seed);
+  add("--duration", options.recording.duration_s, defaults.recording.duration_s);
+  add("--board-rate", options.recording.board_rate_hz, defaults.recording.board_rate_hz);
+  add("--board-angle", options.recording.board_angle_deg, defaults.recording.board_angle_deg);
+  return command + fmt::format(" --only \"{}\"", NameOf(row));
 }
 
 std::string Failure(const PaperRow& row) {

@@ -206,6 +206,30 @@ TEST(PaperRun, ABumpedCameraShowsInThePathOfTheMarker) {
   EXPECT_LT(unknown.mean_m, 5e-3);
 }
 
+TEST(PaperReport, NamesTheCommandOfEachRow) {
+  PaperOptions options;
+  options.first_seed = 7;
+  PaperRow solved, failed;
+  solved.condition = failed.condition = "together";
+  solved.method = PaperMethod::kWand;
+  solved.cameras.emplace_back().camera = "frame_0";
+  solved.cameras[0].error_px.Add(3, 5, 10);  // a standard deviation of 4
+  solved.path_m.Add(0.001, 0.001, 10);
+  solved.exact_path_m.Add(0.001, 0.001, 10);
+  solved.solved = 1;
+  failed.method = PaperMethod::kChecker;
+  failed.first_failure = absl::FailedPreconditionError("nobody saw it");
+  const std::string page = PaperPage(options, {solved, failed}, {});
+  EXPECT_THAT(page, HasSubstr("| together: wand by rigcal | frame_0 3.000 (4.000) | "
+                              "`rigcal-accuracy paper --first-seed 7 --only \"together: wand by "
+                              "rigcal\"` |"));
+  EXPECT_THAT(page, HasSubstr("nobody saw it"));
+  EXPECT_THAT(page, HasSubstr("Missing: kalibr"));
+  const std::string csv = PaperCsv({solved, failed});
+  EXPECT_THAT(csv, HasSubstr("I,together,\"wand by rigcal\",frame_0,px,3,4,10\n"));
+  EXPECT_THAT(csv, Not(HasSubstr("checkerboard")));
+}
+
 TEST(Paper, SaysWhatItDoesNotKnow) {
   CaptureStdout();
   CaptureStderr();

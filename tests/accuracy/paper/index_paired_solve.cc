@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -159,7 +160,12 @@ absl::StatusOr<CalibrationResult> SolveIndexPaired(const server::CalibrationInpu
   }
   server::BundleOptions options;
   options.robust = false;
-  RIGCAL_RETURN_IF_ERROR(testing::SolveReferenceBundle(options, &problem).status());
+  RIGCAL_ASSIGN_OR_RETURN(const server::BundleSummary summary,
+                          testing::SolveReferenceBundle(options, &problem));
+  if (!summary.converged) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "the index-paired solve has not converged in ", summary.iterations, " iterations"));
+  }
   for (size_t c = 0; c < cameras.size(); ++c) {
     cameras[c].cam_from_rig = problem.cameras[c].cam_from_rig;
   }

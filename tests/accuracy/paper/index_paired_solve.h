@@ -16,7 +16,8 @@ namespace rigcal::accuracy {
 // Not repeated is how the paper finds its starting values: cameras start where `start` has them,
 // which is a calibration of the same cameras. The result has its frame, offsets and rates of 0 and
 // the residuals of this solve, and no covariance. INVALID_ARGUMENT: not a wand, or a camera that
-// `start` lacks. FAILED_PRECONDITION: fewer than ten such instants.
+// `start` lacks. FAILED_PRECONDITION: fewer than ten such instants, or no
+// convergence.
 absl::StatusOr<CalibrationResult> SolveIndexPaired(const server::CalibrationInput& input,
                                                    const CalibrationResult& start);
 

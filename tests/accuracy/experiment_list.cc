@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/detection/detection_experiments.h"
 #include "tests/accuracy/experiment.h"
+#include "tests/accuracy/paper/paper.h"
 #include "tests/accuracy/solver/solver_experiments.h"
 
 namespace rigcal::accuracy {
@@ -31,7 +32,8 @@ std::vector<Experiment> AllExperiments() {
           EventDetection(),
           EventDisturbances(),
           EventLatency(),
-          BlinkFrequency()};
+          BlinkFrequency(),
+          Paper()};
 }
 
 }  // namespace rigcal::accuracy

@@ -40,9 +40,10 @@ std::optional<Eigen::Vector3d> ReferenceAt(const ReferencePath& reference, doubl
                 u * u * u * (3 * p[1] - p[0] - 3 * p[2] + p[3]));
 }
 
-// Distances after the best similarity; none where the reference does not cover the path.
+// Distances after the best alignment; none where the reference does not cover the path.
 std::vector<double> Distances(const std::vector<TimedPosition>& path,
-                              const ReferencePath& reference, const TimeMap& map) {
+                              const ReferencePath& reference, const PathFreedom& freedom,
+                              const TimeMap& map) {
   Eigen::Matrix3Xd from(3, path.size()), to(3, path.size());
   Eigen::Index count = 0;
   for (const TimedPosition& position : path) {
@@ -55,7 +56,7 @@ std::vector<double> Distances(const std::vector<TimedPosition>& path,
   if (static_cast<double>(count) < kMinShare * static_cast<double>(path.size())) return {};
   from.conservativeResize(3, count);
   to.conservativeResize(3, count);
-  const Eigen::Matrix4d similarity = Eigen::umeyama(from, to, true);
+  const Eigen::Matrix4d similarity = Eigen::umeyama(from, to, freedom.length_scale);
   const Eigen::Matrix3Xd moved =
       (similarity.topLeftCorner<3, 3>() * from).colwise() + similarity.topRightCorner<3, 1>();
   const Eigen::VectorXd distances = (moved - to).colwise().norm().transpose();
@@ -63,13 +64,14 @@ std::vector<double> Distances(const std::vector<TimedPosition>& path,
 }
 
 double RmsOf(const std::vector<TimedPosition>& path, const ReferencePath& reference,
-             const TimeMap& map) {
-  const std::vector<double> distances = Distances(path, reference, map);
+             const PathFreedom& freedom, const TimeMap& map) {
+  const std::vector<double> distances = Distances(path, reference, freedom, map);
   return distances.empty() ? std::numeric_limits<double>::infinity() : RootMeanSquare(distances);
 }
 
 // From every row of the reference.
-TimeMap SearchOffset(const std::vector<TimedPosition>& path, const ReferencePath& reference) {
+TimeMap SearchOffset(const std::vector<TimedPosition>& path, const ReferencePath& reference,
+                     const PathFreedom& freedom) {
   std::vector<TimedPosition> some;
   for (size_t i = 0; i < path.size(); i += 1 + path.size() / kSearchedPositions) {
     some.push_back(path[i]);
@@ -78,7 +80,7 @@ TimeMap SearchOffset(const std::vector<TimedPosition>& path, const ReferencePath
   double least_m = std::numeric_limits<double>::infinity();
   for (size_t row = 0; row < reference.positions_m.size(); ++row) {
     const TimeMap map = {1, static_cast<double>(row) / reference.rate_hz};
-    const double rms_m = RmsOf(some, reference, map);
+    const double rms_m = RmsOf(some, reference, freedom, map);
     if (rms_m < least_m) least_m = rms_m, best = map;
   }
   return best;
@@ -87,17 +89,18 @@ TimeMap SearchOffset(const std::vector<TimedPosition>& path, const ReferencePath
 // Downhill by ever smaller steps. The scale turns about the path's middle, where it is independent
 // of the offset.
 TimeMap Refine(const std::vector<TimedPosition>& path, const ReferencePath& reference,
-               TimeMap map) {
+               const PathFreedom& freedom, TimeMap map) {
   const double middle_s = 0.5 * (path.back().time_s - path.front().time_s);
-  double least_m = RmsOf(path, reference, map);
+  double least_m = RmsOf(path, reference, freedom, map);
   for (double share = 1; share > kFinest;) {
     bool moved = false;
     for (const auto& [scale, offset_s] :
          {std::pair(kScaleStep, -kScaleStep * middle_s),
           std::pair(-kScaleStep, kScaleStep * middle_s), std::pair(0.0, kOffsetStepS),
           std::pair(0.0, -kOffsetStepS)}) {
+      if (scale != 0 && !freedom.time_scale) continue;
       const TimeMap other = {map.scale + share * scale, map.offset_s + share * offset_s};
-      const double rms_m = RmsOf(path, reference, other);
+      const double rms_m = RmsOf(path, reference, freedom, other);
       if (!(rms_m < least_m)) continue;
       least_m = rms_m;
       map = other;
@@ -125,12 +128,13 @@ absl::StatusOr<ReferencePath> LoadReferencePath(const std::filesystem::path& fil
 }
 
 absl::StatusOr<PathErrors> ComparePaths(const std::vector<TimedPosition>& path,
-                                        const ReferencePath& reference) {
+                                        const ReferencePath& reference,
+                                        const PathFreedom& freedom) {
   if (path.size() < kMinPositions) {
     return absl::FailedPreconditionError(absl::StrCat("a path of ", path.size(), " positions"));
   }
-  const TimeMap map = Refine(path, reference, SearchOffset(path, reference));
-  const std::vector<double> distances = Distances(path, reference, map);
+  const TimeMap map = Refine(path, reference, freedom, SearchOffset(path, reference, freedom));
+  const std::vector<double> distances = Distances(path, reference, freedom, map);
   if (distances.empty()) {
     return absl::FailedPreconditionError("the reference path is shorter than the path");
   }

@@ -57,6 +57,23 @@ TEST(ComparePaths, MeasuresWhatIsLeft) {
   EXPECT_NEAR(errors.median_m, 0.5 * kNoiseM, 2e-3);
 }
 
+// The path is 0.02 times as long as the reference: only a similarity can undo that.
+TEST(ComparePaths, FitsNoScaleUnlessItMay) {
+  const PathFreedom rigid = {.length_scale = false, .time_scale = false};
+  ASSERT_OK_AND_ASSIGN(const PathErrors shrunk, ComparePaths(Path(0), Reference(), rigid));
+  EXPECT_GT(shrunk.mean_m, 1);
+  std::vector<TimedPosition> path = Path(0);
+  for (TimedPosition& position : path) position.position /= 0.02;
+  ASSERT_OK_AND_ASSIGN(const PathErrors longer, ComparePaths(path, Reference(), rigid));
+  EXPECT_EQ(longer.time_scale, 1);
+  // 0.0005 of 60 s are up to 15 ms from the middle, at 1.7 m/s 26 mm.
+  EXPECT_LT(longer.mean_m, 0.026);
+  EXPECT_GT(longer.mean_m, 0.002);
+  ASSERT_OK_AND_ASSIGN(const PathErrors timed,
+                       ComparePaths(path, Reference(), {.length_scale = false}));
+  EXPECT_LT(timed.mean_m, 1e-3);
+}
+
 TEST(ComparePaths, RefusesWhatCannotBeCompared) {
   ReferencePath shorter = Reference();
   shorter.positions_m.resize(200);

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/accuracy/paper/paper_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <numbers>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "common/triangulate/triangulate_rows.h"
+#include "server/solve/calibrate.h"
+#include "tests/accuracy/paper/index_paired_solve.h"
+#include "tests/accuracy/seed_runs.h"
+
+namespace rigcal::accuracy {
+namespace {
+
+constexpr double kNothingLeftOut = 1e6;  // sigmas
+constexpr PaperTarget kTargets[] = {PaperTarget::kWand, PaperTarget::kCircles,
+                                    PaperTarget::kChecker};
+constexpr int kTargetCount = static_cast<int>(std::size(kTargets));
+constexpr int kConditionCount = static_cast<int>(std::size(kPaperConditions));
+
+std::vector<PaperMethod> MethodsOf(PaperTarget target) {
+  switch (target) {
+    case PaperTarget::kWand:
+      return {PaperMethod::kWandIndexPaired, PaperMethod::kWand, PaperMethod::kTruth};
+    case PaperTarget::kCircles:
+      return {PaperMethod::kCircles};
+    case PaperTarget::kChecker:
+      return {PaperMethod::kChecker};
+  }
+  return {};
+}
+
+bool IsAsked(const PaperOptions& options, const PaperCondition& condition, PaperMethod method) {
+  const bool board = method == PaperMethod::kCircles || method == PaperMethod::kChecker;
+  if (condition.boards_noisy_as_wand && !board) return false;
+  PaperRow row;
+  row.condition = condition.name;
+  row.method = method;
+  return NameOf(row).find(options.only) != std::string::npos;
+}
+
+// One method on one recording.
+struct Outcome {
+  PaperMethod method = PaperMethod::kWand;
+  absl::Status status;
+  CalibrationResult calibration;
+  PathErrors path, exact_path;
+};
+
+Outcome Judge(PaperMethod method, absl::StatusOr<CalibrationResult> calibration,
+              const PaperRecording& recording) {
+  Outcome outcome;
+  outcome.method = method;
+  outcome.status = calibration.status();
+  if (!calibration.ok()) return outcome;
+  const auto path = ComparePathOf(*calibration, recording.marker, recording.path);
+  const auto exact = ComparePathOf(*calibration, recording.exact_marker, recording.path);
+  outcome.status.Update(path.status());
+  outcome.status.Update(exact.status());
+  if (!outcome.status.ok()) return outcome;
+  outcome.path = *path;
+  outcome.exact_path = *exact;
+  outcome.calibration = *std::move(calibration);
+  return outcome;
+}
+
+std::vector<Outcome> RunTarget(const PaperRecordingOptions& options, PaperTarget target,
+                               const std::vector<PaperMethod>& asked) {
+  std::vector<Outcome> outcomes;
+  if (asked.empty()) return outcomes;
+  const absl::StatusOr<PaperRecording> recording = RecordPaper(options, target);
+  if (!recording.ok()) {
+    for (const PaperMethod method : asked) {
+      outcomes.push_back(Judge(method, recording.status(), PaperRecording()));
+    }
+    return outcomes;
+  }
+  CalibrationOptions solve;
+  if (target != PaperTarget::kWand) solve.marker_positions = Estimate::kFixed;
+  absl::StatusOr<CalibrationResult> solved = recording->true_rig;
+  const bool solves =
+      std::ranges::any_of(asked, [](PaperMethod method) { return method != PaperMethod::kTruth; });
+  if (solves) solved = server::Calibrate(recording->input, solve).result;
+  for (const PaperMethod method : asked) {
+    absl::StatusOr<CalibrationResult> calibration = solved;
+    if (method == PaperMethod::kTruth) calibration = recording->true_rig;
+    if (method == PaperMethod::kWandIndexPaired && solved.ok()) {
+      calibration = SolveIndexPaired(recording->input, *solved);
+    }
+    outcomes.push_back(Judge(method, std::move(calibration), *recording));
+  }
+  return outcomes;
+}
+
+void AddOutcome(const Outcome& outcome, bool bumped_later, PaperRow* row) {
+  if (!outcome.status.ok()) {
+    row->first_failure.Update(outcome.status);
+    return;
+  }
+  // A bump after the calibration changes nothing of it.
+  const bool has_residuals = row->method != PaperMethod::kTruth && !bumped_later;
+  if (has_residuals) row->cameras.resize(outcome.calibration.cameras.size());
+  for (size_t c = 0; c < row->cameras.size(); ++c) {
+    const CalibratedCamera& camera = outcome.calibration.cameras[c];
+    row->cameras[c].camera = camera.camera;
+    const ErrorFigures& all = camera.residuals.all;
+    row->cameras[c].error_px.Add(all.mean_px, all.rms_px, all.marker_count);
+  }
+  row->path_m.Add(outcome.path);
+  row->exact_path_m.Add(outcome.exact_path);
+  row->instants =
+      (row->instants * row->solved + outcome.calibration.instant_count) / (row->solved + 1);
+  ++row->solved;
+}
+
+}  // namespace
+
+const char* NameOf(PaperMethod method) {
+  static const char* const kNames[kPaperMethods] = {"wand, paired by index", "wand by rigcal",
+                                                    "circle board by rigcal",
+                                                    "checkerboard by rigcal", "the true rig"};
+  return kNames[static_cast<size_t>(method)];
+}
+
+std::string NameOf(const PaperRow& row) {
+  return absl::StrCat(row.condition, ": ", NameOf(row.method));
+}
+
+void PaperSums::Add(double mean, double rms, double added_count) {
+  count += added_count;
+  sum += added_count * mean;
+  squares += added_count * rms * rms;
+}
+
+void PaperSums::Add(const PathErrors& errors) {
+  Add(errors.mean_m, errors.rms_m, static_cast<double>(errors.count));
+}
+
+double PaperSums::StandardDeviation() const {
+  return std::sqrt(std::max(0.0, squares / count - Mean() * Mean()));
+}
+
+absl::StatusOr<PathErrors> ComparePathOf(const CalibrationResult& calibration,
+                                         const std::vector<CameraRows>& marker,
+                                         const ReferencePath& path) {
+  TriangulationOptions options;
+  options.sigma_px = 1;
+  options.max_sigmas = kNothingLeftOut;
+  RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
+                          TriangulateRows(calibration, marker, options));
+  std::vector<TimedPosition> points;
+  for (const TriangulatedPoint& point : triangulation.points) {
+    points.push_back({1e-9 * static_cast<double>(point.rig_time_ns), point.position_m});
+  }
+  return ComparePaths(points, path, {.length_scale = false, .time_scale = false});
+}
+
+std::vector<PaperRow> RunPaper(const PaperOptions& options) {
+  std::vector<PaperRow> rows;
+  for (const PaperCondition& condition : kPaperConditions) {
+    for (int m = 0; m < kPaperMethods; ++m) {
+      PaperRow& row = rows.emplace_back();
+      row.condition = condition.name;
+      row.method = static_cast<PaperMethod>(m);
+      if (row.method != PaperMethod::kTruth) row.waved_s = options.recording.duration_s;
+    }
+  }
+  const int count = options.seeds * kConditionCount * kTargetCount;
+  const auto runs = RunAll<std::vector<Outcome>>(count, options.threads, [&](int i) {
+    const PaperTarget target = kTargets[i % kTargetCount];
+    const PaperCondition& condition = kPaperConditions[i / kTargetCount % kConditionCount];
+    PaperRecordingOptions recording = options.recording;
+    recording.seed = static_cast<uint32_t>(options.first_seed + i / kTargetCount / kConditionCount);
+    recording.first_camera_early_s = condition.first_camera_early_s;
+    recording.bump_m = condition.bump_m;
+    recording.bump_rad = condition.bump_deg * std::numbers::pi / 180;
+    recording.wand_sigma_m = condition.wand_sigma_m;
+    recording.board_sigma_m = condition.board_sigma_m;
+    recording.boards_noisy_as_wand = condition.boards_noisy_as_wand;
+    std::vector<PaperMethod> asked = MethodsOf(target);
+    std::erase_if(asked, [&](PaperMethod method) { return !IsAsked(options, condition, method); });
+    return RunTarget(recording, target, asked);
+  });
+  for (int i = 0; i < count; ++i) {
+    const int condition = i / kTargetCount % kConditionCount;
+    for (const Outcome& outcome : runs[static_cast<size_t>(i)]) {
+      AddOutcome(outcome, kPaperConditions[condition].bump_m > 0,
+                 &rows[static_cast<size_t>(condition * kPaperMethods) +
+                       static_cast<size_t>(outcome.method)]);
+    }
+  }
+  std::erase_if(rows,
+                [](const PaperRow& row) { return row.solved == 0 && row.first_failure.ok(); });
+  return rows;
+}
+
+}  // namespace rigcal::accuracy

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "common/target/target.h"
+#include "tests/accuracy/paper/paper_recording.h"
+#include "tests/accuracy/solver/path_comparison.h"
+
+namespace rigcal::accuracy {
+
+// How a rig is calibrated: a row of the tables.
+enum class PaperMethod : uint8_t {
+  kWandIndexPaired = 0,  // as the paper solves it: index_paired_solve.h
+  kWand = 1,             // server::Calibrate with its defaults
+  kCircles = 2,          // server::Calibrate with a board whose points are held as given
+  kChecker = 3,
+  kTruth = 4,  // no calibration: the simulated rig itself; what the marker's own noise leaves
+};
+inline constexpr int kPaperMethods = 5;
+const char* NameOf(PaperMethod method);
+
+// What is the matter with a rig.
+struct PaperCondition {
+  const char* name;
+  double first_camera_early_s = 0;
+  double bump_m = 0, bump_deg = 0;
+  bool boards_noisy_as_wand = false;  // only boards differ from the first condition
+  double wand_sigma_m = 0, board_sigma_m = 0;
+};
+inline constexpr PaperCondition kPaperConditions[] = {
+    {.name = "together"},
+    {.name = "boards noisy as the wand", .boards_noisy_as_wand = true},
+    {.name = "targets as built", .wand_sigma_m = 0.0001, .board_sigma_m = kBoardSigmaM},
+    {.name = "frame_0 8 ms early", .first_camera_early_s = 0.008},
+    {.name = "frame_1 bumped later", .bump_m = 0.005, .bump_deg = 0.3},
+};
+
+struct PaperOptions {
+  PaperRecordingOptions recording;  // its seed is not looked at
+  int seeds = 3;
+  int first_seed = 1;
+  int threads = 2;
+  std::string only;  // rows with this in "CONDITION: METHOD"; empty: all
+};
+
+// Sums over the seeds of what one figure of a table is the mean and standard deviation of.
+struct PaperSums {
+  double count = 0, sum = 0, squares = 0;
+
+  void Add(double mean, double rms, double added_count);
+  void Add(const PathErrors& errors);
+  double Mean() const { return sum / count; }
+  double StandardDeviation() const;
+};
+
+struct PaperCamera {
+  std::string camera;
+  PaperSums error_px;  // distance of measured from projected centres, nothing left out
+};
+
+// One method under one condition, over all seeds.
+struct PaperRow {
+  std::string condition;
+  PaperMethod method = PaperMethod::kWand;
+  std::vector<PaperCamera> cameras;  // Table I: by name; empty where it has no row
+  PaperSums path_m;                  // Table II: distances of one marker from its path
+  PaperSums exact_path_m;            // the same where its centres have no noise
+  double waved_s = 0;                // of each seed
+  double instants = 0;               // mean over the seeds that were solved
+  int solved = 0;                    // seeds
+  absl::Status first_failure;
+};
+
+// "CONDITION: METHOD", what `only` looks into.
+std::string NameOf(const PaperRow& row);
+
+// Simulates and solves every row; the same for any number of threads.
+std::vector<PaperRow> RunPaper(const PaperOptions& options);
+
+// Distances of a triangulated marker from its path after a rigid motion and a time offset: the
+// paper's protocol for its Table II. The calibration's own clocks, all centres alike, nothing left
+// out.
+absl::StatusOr<PathErrors> ComparePathOf(const CalibrationResult& calibration,
+                                         const std::vector<CameraRows>& marker,
+                                         const ReferencePath& path);
+
+}  // namespace rigcal::accuracy

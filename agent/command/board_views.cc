@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "agent/detect/board/board_counts.h"
 #include "agent/detect/board/marker_mistakes.h"
+#include "common/lens/lens_solver.h"
 #include "common/lens/view_choice.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
@@ -27,6 +28,7 @@ constexpr size_t kKeptPictures = 10;    // to look for other counts in
 constexpr int kMostBarePictures = 200;  // of a source without end
 constexpr int kSpotGrey = 150;          // darker in a picture of events: a spot
 constexpr double kLeastSpotPx = 5;
+constexpr double kSamePx = 1;  // views of which every corner is that near are one
 
 cv::Mat CopyOf(const ImageView& image) {
   const int type = image.format == PixelFormat::kMono8 ? CV_8UC1 : CV_8UC3;
@@ -81,6 +83,30 @@ absl::Status NoBoard(const Board& board, int looked_at, const std::vector<cv::Ma
                    ": the whole board must be seen, with a white margin around it, sharp and not "
                    "too dark; is it "
                    "the kind of board that --board says?"));
+}
+
+// What most pictures show instead, where a few show the board by chance; empty: nothing known.
+std::string WhatMostShow(const Board& board, const BoardViews& seen,
+                         const std::vector<cv::Mat>& bare) {
+  if (seen.with_board >= static_cast<int>(kLeastLensViews) || 2 * seen.with_board > seen.pictures) {
+    return "";
+  }
+  const int without = seen.pictures - seen.with_board;
+  if (!board.HasMarkers()) return std::string(CheckCounts(board, without, bare).message());
+  const std::string why = ExplainMissingMarkers(board, bare);
+  return why.empty() ? "" : absl::StrCat(NoBoardText(board, without), "; ", why);
+}
+
+// The same corners at the same places.
+bool AreOneView(const BoardView& a, const BoardView& b) {
+  if (a.corners.size() != b.corners.size()) return false;
+  for (size_t i = 0; i < a.corners.size(); ++i) {
+    if (a.corners[i].x_in_board_m != b.corners[i].x_in_board_m ||
+        !((a.corners[i].pixel - b.corners[i].pixel).norm() < kSamePx)) {
+      return false;
+    }
+  }
+  return true;
 }
 
 // How wide dark spots of a picture are, median.
@@ -162,10 +188,10 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
     ++result.pictures;
     const std::optional<SeenBoard>& seen = picture->seen;
     if (!seen) {
-      if (result.with_board == 0 && bare.size() < kKeptPictures) {
+      if (bare.size() < kKeptPictures) {
         bare.push_back(CopyOf(picture->image));
         // Nobody waits for the rest of a thousand pictures to be told.
-        if (bare.size() == kKeptPictures && !pictures->event_counts()) {
+        if (result.with_board == 0 && bare.size() == kKeptPictures && !pictures->event_counts()) {
           RIGCAL_RETURN_IF_ERROR(CheckCounts(board, result.pictures, bare));
         }
       }
@@ -174,7 +200,6 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
       continue;
     }
     ++result.with_board;
-    bare.clear();
     BoardView view;
     view.name = picture->file.empty() ? absl::StrCat("picture ", result.pictures)
                                       : fs::path(picture->file).filename().string();
@@ -192,6 +217,11 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
       result.alike = choice.alike();
       result.blurred = choice.blurred() + moving;
       if (verdict != ViewChoice::Verdict::kTaken) continue;
+    } else if (std::ranges::any_of(result.views, [&view](const BoardView& other) {
+                 return AreOneView(view, other);
+               })) {
+      ++result.alike;
+      continue;
     }
     result.views.push_back(std::move(view));
     if (!taken(result)) break;
@@ -202,6 +232,10 @@ absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardView
   if (result.with_board == 0 && result.events) return NoBoardInEvents(board, *result.events, bare);
   if (result.pictures == 0) return absl::FailedPreconditionError("there were no pictures");
   if (result.with_board == 0) return NoBoard(board, result.pictures, bare);
+  if (!result.events) {
+    const std::string instead = WhatMostShow(board, result, bare);
+    if (!instead.empty()) return absl::FailedPreconditionError(instead);
+  }
   return result;
 }
 

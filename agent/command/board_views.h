@@ -27,7 +27,9 @@ struct BoardViews {
   std::string camera;
   int pictures = 0;    // looked at
   int with_board = 0;  // of them
-  int alike = 0;       // with a board, but as another one that was taken
+  // With a board, but as another one that was taken: of pictures that somebody has chosen, with
+  // every corner within a pixel.
+  int alike = 0;
   int blurred = 0;     // with a board, but not sharp
   // Files that are no picture of this camera: unreadable, or of another size than the first one.
   std::vector<Refusal> refused;
@@ -38,8 +40,8 @@ struct BoardViews {
 // Takes views of the board from pictures until there are enough, or no more pictures, or 200
 // pictures of a source without end have shown none. `taken` is called after each view and says
 // whether more are wanted. FAILED_PRECONDITION: there were no pictures, or none shows the board;
-// where boards with other counts are found instead, they are named; of events, what they show
-// instead. Other errors are those of the source.
+// where boards with other counts are found instead, also by most pictures of which a few show the
+// board by chance, they are named; of events, what they show instead. Other errors are those of the source.
 absl::StatusOr<BoardViews> CollectBoardViews(const Board& board, const BoardViewsOptions& options,
                                              BoardPictures* pictures,
                                              const std::function<bool(const BoardViews&)>& taken);

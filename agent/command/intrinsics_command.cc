@@ -2,6 +2,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -23,6 +24,7 @@
 #include "common/camera/camera_export.h"
 #include "common/file/durable_file.h"
 #include "common/file/may_write.h"
+#include "common/lens/lens_advice.h"
 #include "common/lens/lens_guide.h"
 #include "common/lens/lens_solver.h"
 #include "common/status/status_macros.h"
@@ -45,8 +47,31 @@ struct IntrinsicsFlags {
   int views = -1;        // not given
   double until_px = -1;  // not given
   std::string map;
+  bool keep_poor = false;
   std::string format = "table";
 };
+
+// The files to write: none twice, none that is there already.
+absl::Status CheckOutputs(const IntrinsicsFlags& flags) {
+  std::set<fs::path> paths;
+  for (const auto& [option, file] :
+       {std::pair("--output", &flags.out), std::pair("--map", &flags.map),
+        std::pair("--corners", &flags.corners)}) {
+    if (file->empty()) continue;
+    if (!paths.insert(fs::absolute(*file).lexically_normal()).second) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(option, " ", *file, ": another option writes this file"));
+    }
+    if (const absl::Status status = CheckOutputFile(*file, flags.force); !status.ok()) {
+      return absl::Status(status.code(), absl::StrCat(option, ": ", std::string(status.message())));
+    }
+  }
+  if (!flags.map.empty() && fs::path(flags.map).extension() != ".png") {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--map ", flags.map, ": it is a PNG: name it .png"));
+  }
+  return absl::OkStatus();
+}
 
 // Images that somebody has chosen, as opposed to a camera or a video.
 bool IsPictures(const FrameInput& input) {
@@ -115,6 +140,19 @@ std::string GuideLine(const LensGuide& guide, size_t views, int views_at_most) {
   return line + "\n";
 }
 
+// With what was left aside, which may be why.
+absl::Status WithOthers(const BoardViews& views, const absl::Status& failed) {
+  std::string text(failed.message());
+  if (views.alike > 0) {
+    absl::StrAppend(&text, "; ", views.alike, " more show it exactly as another one does");
+  }
+  for (const Refusal& refusal : views.refused) {
+    absl::StrAppend(&text, "; ", refusal.count, refusal.count == 1 ? " was" : " were",
+                    " not read: ", refusal.example);
+  }
+  return absl::Status(failed.code(), text);
+}
+
 absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Board board, ParseBoard(flags.board));
   LensOptions options;
@@ -131,20 +169,19 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
                                                    " are too few: ", kLeastLensViews,
                                                    " are the least, 20 to 40 are good"));
   }
+  if (std::isnan(flags.until_px)) {
+    return absl::InvalidArgumentError("--until-px must be a number of pixels");
+  }
   if (is_pictures && flags.until_px >= 0) {
     return absl::InvalidArgumentError(
         "--until-px is of a camera or a video; of pictures all are used");
   }
-  RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.out, flags.force));
+  RIGCAL_RETURN_IF_ERROR(CheckOutputs(flags));
   if (!flags.corners.empty() && board.IsTwoSided()) {
     return absl::InvalidArgumentError(
         absl::StrCat("--corners: mrcal knows no boards with two sides; give the front alone, ",
                      FormatBoard(board.OneSide())));
   }
-  if (!flags.corners.empty()) {
-    RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.corners, flags.force));
-  }
-  if (!flags.map.empty()) RIGCAL_RETURN_IF_ERROR(CheckOutputFile(flags.map, flags.force));
   RIGCAL_ASSIGN_OR_RETURN(const BoardSource source, SourceOf(board, flags.input));
   LensGuideOptions guiding;
   guiding.model = options.model;
@@ -170,7 +207,7 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
   }
   absl::StatusOr<LensSolution> solved =
       guide.is_enough() ? *guide.solution() : SolveLens(views.views, views.image_size_px, options);
-  RIGCAL_RETURN_IF_ERROR(solved.status());
+  if (!solved.ok()) return WithOthers(views, solved.status());
   LensSolution solution = *std::move(solved);
   if (guiding.until_px > 0 && !guide.is_enough()) {
     solution.advice.push_back(absl::StrFormat(
@@ -182,13 +219,23 @@ absl::Status CalibrateLens(const IntrinsicsFlags& flags, std::ostream& out) {
     RIGCAL_ASSIGN_OR_RETURN(const std::string map, DrawLensMap(views, solution));
     RIGCAL_RETURN_IF_ERROR(WriteOutputFile(flags.map, map));
   }
-  RIGCAL_RETURN_IF_ERROR(WriteCameraExport(flags.out, {.camera = views.camera,
-                                                       .image_size_px = views.image_size_px,
-                                                       .intrinsics = solution.intrinsics,
-                                                       .cam_from_rig = std::nullopt}));
-  out << (is_table ? FormatLensReport(board, views, solution, flags.out)
-                   : LensReportJson(board, views, solution, flags.out));
-  return absl::OkStatus();
+  const std::string why_not = WhyNotToUse(solution);
+  const bool is_kept = why_not.empty() || flags.keep_poor;
+  if (is_kept) {
+    RIGCAL_RETURN_IF_ERROR(WriteCameraExport(flags.out, {.camera = views.camera,
+                                                         .image_size_px = views.image_size_px,
+                                                         .intrinsics = solution.intrinsics,
+                                                         .cam_from_rig = std::nullopt}));
+  }
+  const std::string written = is_kept ? flags.out : "";
+  out << (is_table ? FormatLensReport(board, views, solution, written)
+                   : LensReportJson(board, views, solution, written));
+  for (const std::string& also : {flags.map, flags.corners}) {
+    if (is_table && !also.empty()) out << "written       " << also << "\n";
+  }
+  if (is_kept) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(flags.out, " was not written: ", why_not,
+                                                    " --keep-poor writes it all the same"));
 }
 
 }  // namespace
@@ -212,8 +259,10 @@ void AddIntrinsicsCommand(CLI::App& app, Subcommands* all) {
       ->type_name("auto|pinhole4|pinhole5|pinhole8|fisheye")
       ->check(
           CLI::IsMember({"auto", "pinhole4", "pinhole5", "pinhole8", "fisheye"}).description(""));
-  command.add_option("--views", flags.views,
-                     "Views to take at most; 0: all [40 of a camera or video, all of images]");
+  command
+      .add_option("--views", flags.views,
+                  "Views to take at most; 0: all [40 of a camera or video, all of images]")
+      ->check(CLI::NonNegativeNumber.description(""));
   command
       .add_option("--until-px", flags.until_px,
                   "End when 95 % of the image are known within so many pixels (one sigma, by noise "
@@ -225,6 +274,9 @@ void AddIntrinsicsCommand(CLI::App& app, Subcommands* all) {
       .add_option("--corners", flags.corners,
                   "Also write the points that were found, as mrcal reads them (vnlog)")
       ->type_name("FILE");
+  command.add_flag("--keep-poor", flags.keep_poor,
+                   "Also write a lens that nobody should use: corners more than 0.6 px off, or "
+                   "halves of the views 20 px apart");
   AddFormatOption(command, &flags.format, "table or json [table]");
   command.footer(
       "Hold the board near, tilted to every side, all over the image; of a camera, a line after "

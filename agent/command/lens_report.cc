@@ -92,8 +92,10 @@ std::string FormatLensReport(const Board& board, const BoardViews& views,
   for (const std::string& advice : solution.advice) {
     absl::StrAppendFormat(&text, "better        %s\n", advice);
   }
-  absl::StrAppendFormat(&text, "written       %s, for calibration=%s of a source\n", output,
-                        output);
+  if (!output.empty()) {
+    absl::StrAppendFormat(&text, "written       %s, for calibration=%s of a source\n", output,
+                          output);
+  }
   return text;
 }
 

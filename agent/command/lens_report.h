@@ -10,6 +10,7 @@
 namespace rigcal::agent {
 
 // For people: the lens, how well it fits, how far it can be trusted, what would make it better.
+// `output`: the file it was written to; empty: to none.
 std::string FormatLensReport(const Board& board, const BoardViews& views,
                              const LensSolution& solution, const std::string& output);
 // The same as one JSON object, a contract: board, camera, image_size_px, pictures, with_board,
@@ -21,7 +22,7 @@ std::string FormatLensReport(const Board& board, const BoardViews& views,
 // halves{median_px, p95_px, most_px, unknown_share} or null, board_bend{height_m, sigma_m} (along
 // rows and columns) or null, covered_share, blind_share, view_results[{name, corners,
 // left_out_corners, rms_px, tilt_deg, left_out}], not_read[{reason, count, example}], advice[text],
-// file; of an event camera events{count, bursts, blink_hz, flicker_hz} (0: not seen).
+// file (null: not written); of an event camera events{count, bursts, blink_hz, flicker_hz} (0: not seen).
 std::string LensReportJson(const Board& board, const BoardViews& views,
                            const LensSolution& solution, const std::string& output);
 

@@ -57,7 +57,13 @@ ExitCode ShowBoard(const BoardCommandOptions& options, CommandContext& context) 
 
 ExitCode PrintBoard(const BoardCommandOptions& options, CommandContext& context) {
   const std::string back = options.board.IsTwoSided() ? BackFile(options.output) : "";
-  absl::Status status = CheckOutputFile(options.output, options.force);
+  absl::Status status;
+  if (std::filesystem::path(options.output).extension() != ".svg") {
+    status = absl::InvalidArgumentError(
+        absl::StrCat("--output ", options.output,
+                     ": a board is written as SVG, so name it .svg; a browser prints it"));
+  }
+  if (status.ok()) status = CheckOutputFile(options.output, options.force);
   if (status.ok() && !back.empty()) status = CheckOutputFile(back, options.force);
   if (status.ok()) status = WriteOutputFile(options.output, BoardSvg(options.board));
   if (status.ok() && !back.empty()) {

@@ -372,7 +372,7 @@ std::string FormatHeadlineFigures(const v1::Calibration& calibration) {
   }
   absl::StrAppend(&text, "reprojection error ", FormatFixed(headline.used_mean_px(), 3),
                   " px, mean of the markers used; ", FormatFixed(100 * headline.unused_share(), 1),
-                  " % of the wand views not used\n");
+                  " % of the views not used\n");
   return text;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -82,9 +83,29 @@ std::string_view NameOfKind(BoardKind kind) {
   return "?";
 }
 
-absl::Status BoardFault(std::string_view text, const std::string& what) {
+std::string_view ExampleOf(BoardKind kind) {
+  switch (kind) {
+    case BoardKind::kChecker:
+      return "board:checker,9x6,0.03 (9 x 6 inner corners, not squares; squares of 0.03 m)";
+    case BoardKind::kCircles:
+      return "board:circles,4x11,0.02 (4 circles in each of 11 rows, 0.02 m from row to row)";
+    case BoardKind::kCirclesSymmetric:
+      return "board:circles-symmetric,9x6,0.02 (9 x 6 circles, 0.02 m from centre to centre)";
+    case BoardKind::kCharuco:
+      return "board:charuco,8x6,0.03,0.022,5x5_100 (8 x 6 squares of 0.03 m, markers of 0.022 m)";
+    case BoardKind::kAprilGrid:
+      return "board:aprilgrid,6x6,0.088,0.3 (6 x 6 tags of 0.088 m, gaps of 0.3 of that)";
+  }
+  return "";
+}
+
+// With an example of its kind, or of every kind where that is not known.
+absl::Status BoardFault(std::string_view text, const std::string& what,
+                        std::optional<BoardKind> kind = std::nullopt) {
+  const std::string head = absl::StrCat("\"", std::string(text), "\": ", what);
+  if (!kind) return absl::InvalidArgumentError(absl::StrCat(head, kBoardExamples));
   return absl::InvalidArgumentError(
-      absl::StrCat("\"", std::string(text), "\": ", what, kBoardExamples));
+      absl::StrCat(head, "; an example is ", std::string(ExampleOf(*kind))));
 }
 
 }  // namespace
@@ -278,36 +299,39 @@ absl::StatusOr<Board> ParseBoard(std::string_view text) {
   }
   if (!is_known) return BoardFault(text, absl::StrCat("there is no kind \"", parts[0], "\""));
   if (!HasParts(board.kind, parts.size())) {
-    return BoardFault(text, absl::StrCat("there are ", parts.size(),
-                                         " parts with commas between them; they are kind, ",
-                                         std::string(PartsOf(board.kind))));
+    return BoardFault(
+        text,
+        absl::StrCat("there are ", parts.size(), " parts with commas between them; they are kind, ",
+                     std::string(PartsOf(board.kind))),
+        board.kind);
   }
   const std::vector<std::string> counts = absl::StrSplit(parts[1], 'x');
   if (counts.size() != 2 || !absl::SimpleAtoi(counts[0], &board.columns) ||
       !absl::SimpleAtoi(counts[1], &board.rows)) {
-    return BoardFault(text, absl::StrCat("\"", parts[1], "\" is not COLUMNSxROWS"));
+    return BoardFault(text, absl::StrCat("\"", parts[1], "\" is not COLUMNSxROWS"), board.kind);
   }
   for (int* count : {&board.columns, &board.rows}) {
     if (std::abs(*count) > kMaxCount) {
-      return BoardFault(text, absl::StrCat("\"", parts[1], "\": nobody counts so many"));
+      return BoardFault(text, absl::StrCat("\"", parts[1], "\": nobody counts so many"),
+                        board.kind);
     }
     *count = PointsOf(board.kind, *count);
   }
   if (!absl::SimpleAtod(parts[2], &board.spacing_m) || !std::isfinite(board.spacing_m)) {
-    return BoardFault(text, absl::StrCat("\"", parts[2], "\" is no number of metres"));
+    return BoardFault(text, absl::StrCat("\"", parts[2], "\" is no number of metres"), board.kind);
   }
   double* const fourth = board.kind == BoardKind::kCharuco     ? &board.marker_m
                          : board.kind == BoardKind::kAprilGrid ? &board.gap_share
                                                                : &board.circle_diameter_m;
   if (parts.size() > 3 && !(absl::SimpleAtod(parts[3], fourth) && std::isfinite(*fourth))) {
-    return BoardFault(text, absl::StrCat("\"", parts[3], "\" is no number"));
+    return BoardFault(text, absl::StrCat("\"", parts[3], "\" is no number"), board.kind);
   }
   // OpenCV's own spelling is DICT_5X5_100.
   if (parts.size() > 4) {
     board.dictionary = std::string(absl::StripPrefix(absl::AsciiStrToLower(parts[4]), "dict_"));
   }
   const absl::Status valid = board.Validate();
-  if (!valid.ok()) return BoardFault(text, std::string(valid.message()));
+  if (!valid.ok()) return BoardFault(text, std::string(valid.message()), board.kind);
   return board;
 }
 

@@ -115,6 +115,11 @@ std::string BoardSvg(const Board& board, BoardSide side) {
       absl::StrCat(FormatBoard(board), !board.IsTwoSided()         ? ""
                                        : side == BoardSide::kFront ? " (front)"
                                                                    : " (back)");
+  // The pattern and the crosses look alike when a sheet is upside down.
+  const std::string note = absl::StrCat(
+      "the ruler is 100 mm long",
+      board.IsTwoSided() ? "; turn the board as a page: this text is at the bottom of both sides"
+                         : "");
   std::string svg = absl::StrFormat(
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
       "<!-- %s; one unit is a millimetre; print at 100 %% -->\n"
@@ -147,10 +152,10 @@ std::string BoardSvg(const Board& board, BoardSide side) {
   absl::StrAppendFormat(
       &svg,
       "</g>\n<text x=\"%.4f\" y=\"%.4f\" font-family=\"sans-serif\" font-size=\"%.1f\">%s"
-      "</text>\n<text x=\"%.4f\" y=\"%.4f\" font-family=\"sans-serif\" font-size=\"%.1f\">"
-      "the ruler is 100 mm long</text>\n</svg>\n",
+      "</text>\n<text x=\"%.4f\" y=\"%.4f\" font-family=\"sans-serif\" font-size=\"%.1f\">%s"
+      "</text>\n</svg>\n",
       left, ruler + 1.5 * kTextHeightMm, kTextHeightMm, label, left, ruler + 3 * kTextHeightMm,
-      kTextHeightMm);
+      kTextHeightMm, note);
   return svg;
 }
 

@@ -16,18 +16,25 @@ constexpr double kNeverTiltedDeg = 10;
 constexpr double kTiltedDeg = 25;  // of the third most tilted view; below: advice
 constexpr double kMostFocalSigma = 0.03;
 constexpr double kGoodFocalSigma = 0.003;
-constexpr double kGoodHalvesPx = 0.3, kPoorHalvesPx = 5;
+constexpr double kGoodHalvesPx = 0.3, kPoorHalvesPx = 5, kUselessHalvesPx = 20;
 constexpr double kPoorRmsPx = 0.6;
 constexpr double kGoodCoverage = 0.7;
 constexpr int kFewViews = 10, kGoodViews = 20;
 constexpr double kGoodUncertaintyPx = 0.2;
+constexpr double kHopelessPx = 50;  // uncertainty, median over the image
 
 }  // namespace
 
 absl::Status CheckTilt(const LensSolution& solution, const std::vector<double>& tilts_deg) {
   const double most = *std::max_element(tilts_deg.begin(), tilts_deg.end());
   const double focal_sigma = solution.sigmas[0] / solution.intrinsics.fx_px;
-  if (most >= kNeverTiltedDeg && focal_sigma <= kMostFocalSigma) return absl::OkStatus();
+  if (most >= kNeverTiltedDeg && focal_sigma <= kMostFocalSigma) {
+    if (solution.uncertainty.median_px < kHopelessPx) return absl::OkStatus();
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "these views say next to nothing about the lens: half of the image is known within %.0f px "
+        "at best; take views that differ, tilted to every side, near, all over the image",
+        solution.uncertainty.median_px));
+  }
   return absl::FailedPreconditionError(absl::StrFormat(
       "focal length and distance cannot be told apart: the board is tilted by %.0f degrees at "
       "most, and the focal length is uncertain by %.1f %%; tilt the board by 30 degrees and more, "
@@ -38,13 +45,12 @@ absl::Status CheckTilt(const LensSolution& solution, const std::vector<double>& 
 void AddAdvice(const ImageSize& image_size_px, const std::vector<BoardView>& used,
                std::vector<double> tilts_deg, LensSolution* solution) {
   std::vector<std::string>& advice = solution->advice;
-  if (solution->held_out_rms_px > kPoorRmsPx) {
-    advice.push_back(absl::StrFormat(
-        "corners are off by %.1f px, and usual is 0.05 to 0.5, so do not use this lens: were focus "
-        "and zoom the same in all pictures, is the board flat, and are its counts, sides and gaps "
-        "those of --board?",
-        solution->held_out_rms_px));
-  } else if (solution->halves && solution->halves->p95_px > kPoorHalvesPx) {
+  if (const std::string why = WhyNotToUse(*solution); !why.empty()) {
+    // More views of the same mend nothing.
+    advice.push_back(why);
+    return;
+  }
+  if (solution->halves && solution->halves->p95_px > kPoorHalvesPx) {
     advice.push_back(absl::StrFormat(
         "two halves of the views make lenses that are %.0f px apart at the border: use this lens "
         "only in the middle of the image, or take more views; were focus and zoom the same in all "
@@ -90,6 +96,21 @@ void AddAdvice(const ImageSize& image_size_px, const std::vector<BoardView>& use
         "lens cannot be used",
         std::max(1.0, 100 * solution->blind_share)));
   }
+}
+
+std::string WhyNotToUse(const LensSolution& solution) {
+  constexpr char kQuestions[] =
+      "so do not use this lens: were focus and zoom the same in all pictures, is the board flat, "
+      "and are its counts, sides and gaps those of --board?";
+  if (solution.held_out_rms_px > kPoorRmsPx) {
+    return absl::StrFormat("corners are off by %.1f px, and usual is 0.05 to 0.5, %s",
+                           solution.held_out_rms_px, kQuestions);
+  }
+  if (solution.halves && solution.halves->p95_px > kUselessHalvesPx) {
+    return absl::StrFormat("two halves of the views make lenses that are %.0f px apart, %s",
+                           solution.halves->p95_px, kQuestions);
+  }
+  return "";
 }
 
 void AddBendAdvice(LensSolution* solution) {

@@ -340,8 +340,13 @@ CalibrationOutcome Calibrate(CalibrationInput input, const CalibrationOptions& o
   } catch (const std::exception& error) {
     outcome.result = absl::InternalError(absl::StrCat("calibration: ", error.what()));
   }
-  if (input.other_targets.empty()) SpeakOfTarget(input.target, &outcome.result);
   outcome.refused = refused.List();
+  if (input.other_targets.empty()) {
+    SpeakOfTarget(input.target, &outcome.result);
+    for (Refusal& refusal : outcome.refused) {
+      refusal.example = SpeakOf(input.target, std::move(refusal.example));
+    }
+  }
   if (outcome.result.ok()) outcome.result->refused = outcome.refused;
   return outcome;
 }

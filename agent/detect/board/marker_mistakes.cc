@@ -2,6 +2,7 @@
 #include "agent/detect/board/marker_mistakes.h"
 
 #include <algorithm>
+#include <limits>
 #include <opencv2/aruco.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -43,7 +44,7 @@ const std::vector<MarkerFamily>& MarkerFamilies() {
 struct SeenMarkers {
   int pictures = 0;
   size_t count = 0;
-  int highest = -1;
+  int lowest = std::numeric_limits<int>::max(), highest = -1;
 };
 SeenMarkers CountMarkers(int dictionary, int border_bits, const std::vector<cv::Mat>& greys) {
   auto parameters = cv::aruco::DetectorParameters::create();
@@ -58,6 +59,7 @@ SeenMarkers CountMarkers(int dictionary, int border_bits, const std::vector<cv::
     if (distinct.size() < kLeastDistinctMarkers) continue;
     ++seen.pictures;
     seen.count += distinct.size();
+    seen.lowest = std::min(seen.lowest, *distinct.begin());
     seen.highest = std::max(seen.highest, *distinct.rbegin());
   }
   return seen;
@@ -93,6 +95,11 @@ std::string OtherLayoutText(const Board& board, const SeenMarkers& seen) {
   const int across = is_april ? board.columns / 2 : board.columns + 1;
   const int down = is_april ? board.rows / 2 : board.rows + 1;
   const int markers = (board.IsTwoSided() ? 2 : 1) * board.side_marker_count();
+  if (!board.IsTwoSided() && seen.lowest >= markers && seen.highest < 2 * markers) {
+    return absl::StrCat("they show markers ", seen.lowest, " to ", seen.highest,
+                        ", the back of a board that is printed on both sides: say --board ",
+                        FormatBoard(board), ",two-sided=THICKNESS, such as 0.004");
+  }
   return absl::StrCat(
       "their markers are of the right kind, with numbers up to ", seen.highest,
       seen.highest >= markers ? ", and " : ", but not where ", across, "x", down,

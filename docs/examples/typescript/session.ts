@@ -52,6 +52,6 @@ if (calibration.headline) {
   const { point_error_m, used_mean_px, unused_share, scale_sigma_rel } = calibration.headline;
   console.log(`${calibration.quality.grade}: expected error ${(1e3 * point_error_m).toFixed(2)} mm + ` +
     `${(100 * scale_sigma_rel).toFixed(2)} % of every length, ` +
-    `${used_mean_px.toFixed(3)} px, ${(100 * unused_share).toFixed(1)} % of the wand views not used`);
+    `${used_mean_px.toFixed(3)} px, ${(100 * unused_share).toFixed(1)} % of the views not used`);
 }
 process.exit(calibration.state === 'STATE_SUCCEEDED' ? 0 : 1);

@@ -111,9 +111,8 @@ std::string BoardText(const SolvedShape& shape, double* scale) {
     case MisfitCause::kShift:
       return absl::StrFormat(
           ": its back is %.1f mm beside its place behind the front. Glue both sheets on so that "
-          "their crosses lie behind each other, or calibrate again with --target %s;flatness=%.4f, "
-          "which estimates it",
-          1e3 * misfit.found, shape.given.board, std::max(misfit.found, 2 * shape.sigma_m));
+          "their crosses lie behind each other, and record again",
+          1e3 * misfit.found);
     case MisfitCause::kUnknown:
       break;
   }

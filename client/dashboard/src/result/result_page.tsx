@@ -105,7 +105,7 @@ function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
           {scaleText(calibration.target?.scale_sigma_rel)}</Fact>
         <Fact name="reprojection error" title="Mean of the markers that were used">
           {calibration.headline?.used_mean_px ? `${fixed(calibration.headline.used_mean_px, 3)} px` : missing}</Fact>
-        <Fact name="wand views not used">{calibration.headline ? percent(calibration.headline.unused_share ?? 0, 1) : missing}</Fact>
+        <Fact name="views not used">{calibration.headline ? percent(calibration.headline.unused_share ?? 0, 1) : missing}</Fact>
       </dl>
       <dl class="facts more">
         <Fact name="one point with its noise, 1σ" title="What triangulate will state: with the noise of the centres, relative to the reference camera, without the uncertainty of the scale; in 95 % of the waved volume">

@@ -66,6 +66,16 @@ TEST(ExplainMissingMarkers, OtherCounts) {
               HasSubstr("numbers up to 11, and 3x2 tags have 6 of them"));
 }
 
+TEST(ExplainMissingMarkers, TheBackOfABoardWithTwoSides) {
+  const Board board = *ParseBoard("board:charuco,8x6,0.03,0.022,5x5_100,two-sided=0.004");
+  const Intrinsics lens = KnownPinhole();
+  const auto from_behind =
+      BoardAt(board, lens, Eigen::Vector2d(310, 235), 0.4, Eigen::Vector3d(0.1, M_PI + 0.2, 0));
+  const std::vector<cv::Mat> pictures = {
+      BoardRenderer(lens, kKnownImage).Render(board, from_behind, 0.5, 1)};
+  EXPECT_THAT(Explain(kCharuco, pictures), HasSubstr("the back of a board"));
+}
+
 TEST(ExplainMissingMarkers, NothingToSay) {
   EXPECT_THAT(Explain(kCharuco, {cv::Mat(480, 640, CV_8UC1, cv::Scalar(90))}), IsEmpty());
   EXPECT_THAT(Explain(kCharuco, Pictures("board:checker,9x6,0.03")), IsEmpty());

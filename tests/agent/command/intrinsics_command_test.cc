@@ -237,6 +237,81 @@ TEST(IntrinsicsCommand, NamesTheBoardThatIsThere) {
   EXPECT_FALSE(fs::exists(folder.path() / "lens.yaml"));
 }
 
+// A few of the board that was said, and most of another one.
+TEST(IntrinsicsCommand, NamesTheBoardThatMostPicturesShow) {
+  const TemporaryDirectory folder;
+  const Board printed = *ParseBoard("board:checker,8x5,0.025");
+  const Board said = *ParseBoard("board:checker,9x6,0.025");
+  const auto poses = WavedBoard(printed, KnownPinhole(), kKnownImage, 6, 0.4, 0.5, 0.3, 5);
+  Render(printed, KnownPinhole(), poses, folder.path() / "left");
+  const cv::Mat one =
+      BoardRenderer(KnownPinhole(), kKnownImage)
+          .Render(said,
+                  BoardAt(said, KnownPinhole(), Eigen::Vector2d(320, 240), 0.45, {0.2, 0.2, 0.1}),
+                  kLensBlurPx, kGrain);
+  ASSERT_TRUE(cv::imwrite((folder.path() / "left" / "other.png").string(), one));
+  EXPECT_THAT(RunIntrinsics({(folder.path() / "left").string(), "--board", FormatBoard(said),
+                             "--output", (folder.path() / "lens.yaml").string()})
+                  .status,
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("but one of 8x5")));
+}
+
+TEST(IntrinsicsCommand, CountsEqualPicturesOnce) {
+  const TemporaryDirectory folder;
+  const Board board = *ParseBoard("board:checker,9x6,0.025");
+  auto poses = WavedBoard(board, KnownPinhole(), kKnownImage, 1, 0.4, 0.5, 0.3, 5);
+  poses.resize(12, poses.front());
+  Render(board, KnownPinhole(), poses, folder.path() / "left");
+  EXPECT_THAT(RunIntrinsics({(folder.path() / "left").string(), "--board", FormatBoard(board),
+                             "--output", (folder.path() / "lens.yaml").string()})
+                  .status,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("and 1 does"), HasSubstr("11 more show it exactly"))));
+  EXPECT_FALSE(fs::exists(folder.path() / "lens.yaml"));
+}
+
+// The gap of an April grid that was said is not that of the print.
+TEST(IntrinsicsCommand, WritesNoLensThatNobodyShouldUse) {
+  const TemporaryDirectory folder;
+  const Board printed = *ParseBoard("board:aprilgrid,5x4,0.03,0.3");
+  auto poses = WavedBoard(printed, KnownPinhole(), kKnownImage, 12, 0.4, 0.6, 0.6, 3);
+  // Its y points up.
+  for (RigidTransform& pose : poses) {
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& point : printed.Points()) middle += point / printed.point_count();
+    const Eigen::Vector3d there = pose * middle;
+    pose.rotation = pose.rotation * Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX());
+    pose.translation_m += there - pose * middle;
+  }
+  Render(printed, KnownPinhole(), poses, folder.path() / "left");
+  const std::string file = folder.path() / "lens.yaml";
+  std::vector<std::string> command = {(folder.path() / "left").string(), "--board",
+                                      "board:aprilgrid,5x4,0.03,0.2", "--output", file};
+  const Outcome refused = RunIntrinsics(command);
+  EXPECT_THAT(refused.status,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("lens.yaml was not written: corners are off by"),
+                             HasSubstr("--keep-poor"))))
+      << refused.out;
+  EXPECT_FALSE(fs::exists(file));
+  command.push_back("--keep-poor");
+  EXPECT_THAT(RunIntrinsics(command).status, IsOk());
+  EXPECT_TRUE(fs::exists(file));
+}
+
+TEST(IntrinsicsCommand, WritesNoFileTwice) {
+  const TemporaryDirectory folder;
+  const std::string file = folder.path() / "a.png";
+  EXPECT_THAT(RunIntrinsics({folder.path().string(), "--board", "board:checker,9x6,0.025",
+                             "--output", file, "--map", file})
+                  .status,
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("another option")));
+  EXPECT_THAT(RunIntrinsics({folder.path().string(), "--board", "board:checker,9x6,0.025",
+                             "--output", file, "--map", "map.jpg"})
+                  .status,
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("name it .png")));
+}
+
 TEST(IntrinsicsCommand, RefusesWhatIsTypedWrong) {
   const TemporaryDirectory folder;
   const std::string file = folder.path() / "lens.yaml";

@@ -37,7 +37,7 @@ TEST(FormatCalibration, BeginsWithTheGradeAndTheHeadline) {
   const std::string text = FormatCalibration(calibration);
   EXPECT_THAT(text, HasSubstr("expected error     0.29 mm + 0.69 % of every length"));
   EXPECT_THAT(text, HasSubstr("measure the wand to 0.2 mm"));
-  EXPECT_THAT(text, HasSubstr("0.331 px, mean of the markers used; 1.2 % of the wand views"));
+  EXPECT_THAT(text, HasSubstr("0.331 px, mean of the markers used; 1.2 % of the views not used"));
   EXPECT_LT(text.find("Quality: usable"), text.find("expected error"));
   EXPECT_LT(text.find("expected error"), text.find("Reprojection errors"));
   calibration.mutable_quality()->set_grade(v1::Quality::GRADE_BAD);

@@ -197,11 +197,13 @@ bool FindCorners(const Board& board, const cv::Mat& grey, BoardSearch time,
       small, size, found, cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_FAST_CHECK);
   if (!by_squares &&
       !cv::findChessboardCornersSB(small, size, found, cv::CALIB_CB_NORMALIZE_IMAGE)) {
-    if (!is_large || time == BoardSearch::kQuick ||
-        !cv::findChessboardCornersSB(grey, size, found, cv::CALIB_CB_NORMALIZE_IMAGE)) {
+    if (time == BoardSearch::kQuick) return false;
+    small = grey;
+    // Squares of a few pixels are found where they are larger.
+    if (!is_large) cv::resize(grey, small, {}, 2, 2, cv::INTER_CUBIC);
+    if (!cv::findChessboardCornersSB(small, size, found, cv::CALIB_CB_NORMALIZE_IMAGE)) {
       return false;
     }
-    small = grey;
   }
   if (found.size() != static_cast<size_t>(board.point_count())) return false;
   pixels->clear();
@@ -214,8 +216,10 @@ bool FindCorners(const Board& board, const cv::Mat& grey, BoardSearch time,
       if (IsInside(small, pixel, half)) pixel = CornerByGradients(small, pixel, half);
     }
   }
-  if (small.cols != grey.cols) {
-    for (Eigen::Vector2d& pixel : *pixels) pixel = 2 * pixel + Eigen::Vector2d(0.5, 0.5);
+  // The centre of the first pixel is (0, 0), whatever the resolution.
+  const double scale = static_cast<double>(grey.cols) / small.cols;
+  for (Eigen::Vector2d& pixel : *pixels) {
+    pixel = scale * pixel + Eigen::Vector2d::Constant(0.5 * (scale - 1));
   }
   return true;
 }
@@ -251,7 +255,7 @@ std::optional<SeenBoard> Find(const Board& board, const cv::Mat& grey, BoardSear
   if (found.size() != static_cast<size_t>(board.point_count())) return std::nullopt;
   for (const cv::Point2f& point : found) seen.pixels.emplace_back(point.x, point.y);
   OrderBoard(board, dark, &seen.pixels);
-  RefineCircles(board, dark, &seen.pixels);
+  if (!RefineCircles(board, dark, &seen.pixels)) return std::nullopt;
   if (!AllFinite(seen.pixels)) return std::nullopt;
   return seen;
 }

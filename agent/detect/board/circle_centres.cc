@@ -19,6 +19,9 @@ constexpr double kMaxReachPx = 400;
 constexpr double kLeastContrast = 8;  // grey levels
 // Of the contrast, what counts as noise of the background.
 constexpr double kBackgroundNoise = 0.1;
+// The middle of a circle is darker than its surroundings by at least this share of the contrast.
+constexpr double kDarkMiddle = 0.5;
+constexpr double kOneCirclePx = 2;  // centres that are nearer to each other are of one circle
 
 // d pixel / d x_in_board in metres around one point, from its neighbours.
 Eigen::Matrix2d LocalScale(const Board& board, const std::vector<Eigen::Vector2d>& pixels,
@@ -35,9 +38,15 @@ Eigen::Matrix2d LocalScale(const Board& board, const std::vector<Eigen::Vector2d
   return scale;
 }
 
-std::optional<Eigen::Vector2d> DarkCentroid(const cv::Mat& grey, const Eigen::Vector2d& centre,
-                                            const Eigen::Matrix2d& board_from_pixel,
-                                            double nearest_m) {
+// What is dark around a place.
+struct DarkSpot {
+  Eigen::Vector2d centroid;
+  double middle_share = 0;  // how dark the place itself is, of the contrast
+};
+
+// None: its surroundings are not in the image, or are too large.
+std::optional<DarkSpot> DarkSpotAt(const cv::Mat& grey, const Eigen::Vector2d& centre,
+                                   const Eigen::Matrix2d& board_from_pixel, double nearest_m) {
   const Eigen::Matrix2d pixel_from_board = board_from_pixel.inverse();
   const double reach_x = kRingEnds * nearest_m * pixel_from_board.row(0).norm();
   const double reach_y = kRingEnds * nearest_m * pixel_from_board.row(1).norm();
@@ -63,7 +72,7 @@ std::optional<Eigen::Vector2d> DarkCentroid(const cv::Mat& grey, const Eigen::Ve
   if (ring.size() < 8) return std::nullopt;
   const double background = Median(std::move(ring));
   const double contrast = background - darkest;
-  if (contrast < kLeastContrast) return std::nullopt;
+  if (contrast < kLeastContrast) return DarkSpot{centre, 0};
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   double weight = 0;
   for (int y = top; y <= bottom; ++y) {
@@ -74,28 +83,40 @@ std::optional<Eigen::Vector2d> DarkCentroid(const cv::Mat& grey, const Eigen::Ve
       weight += darkness;
     }
   }
-  if (!(weight > 0)) return std::nullopt;
-  return sum / weight;
+  if (!(weight > 0)) return DarkSpot{centre, 0};
+  const double middle = grey.at<uint8_t>(static_cast<int>(std::lround(centre.y())),
+                                         static_cast<int>(std::lround(centre.x())));
+  return DarkSpot{sum / weight, (background - middle) / contrast};
 }
 
 }  // namespace
 
-void RefineCircles(const Board& board, const cv::Mat& grey, std::vector<Eigen::Vector2d>* pixels) {
+bool RefineCircles(const Board& board, const cv::Mat& grey, std::vector<Eigen::Vector2d>* pixels) {
   const double nearest_m = (board.kind == BoardKind::kCircles ? kDiagonal : 1.0) * board.spacing_m;
   const std::vector<Eigen::Vector2d> rough = *pixels;
+  bool are_circles = true;
   for (int row = 0; row < board.rows; ++row) {
     for (int column = 0; column < board.columns; ++column) {
       const Eigen::Matrix2d scale = LocalScale(board, rough, column, row);
       if (!(std::abs(scale.determinant()) > 0)) continue;
       const Eigen::Matrix2d board_from_pixel = scale.inverse();
       Eigen::Vector2d& pixel = (*pixels)[static_cast<size_t>(row * board.columns + column)];
+      double middle_share = 1;
       for (int round = 0; round < kCentreRounds; ++round) {
-        const auto centroid = DarkCentroid(grey, pixel, board_from_pixel, nearest_m);
-        if (!centroid) break;
-        pixel = *centroid;
+        const auto spot = DarkSpotAt(grey, pixel, board_from_pixel, nearest_m);
+        if (!spot) break;
+        middle_share = spot->middle_share;
+        pixel = spot->centroid;
       }
+      are_circles = are_circles && middle_share >= kDarkMiddle;
     }
   }
+  for (size_t i = 0; i < pixels->size(); ++i) {
+    for (size_t k = 0; k < i; ++k) {
+      are_circles = are_circles && !(((*pixels)[i] - (*pixels)[k]).norm() < kOneCirclePx);
+    }
+  }
+  return are_circles;
 }
 
 }  // namespace rigcal::agent

@@ -185,13 +185,18 @@ bool FindCircles(const Board& board, const cv::Mat& grey, const cv::Size& size,
 // (findChessboardCorners), which finds boards that are cut by the border or blurred and is quick at
 // half the resolution; without its equalised histogram, which takes noise for squares, minutes
 // long. Then by the saddles of the corners (findChessboardCornersSB, Duda and Frese 2018), at half
-// the resolution and, where there is `time`, in full.
+// the resolution and, where there is `time`, in full, a small image at twice its resolution:
+// squares of a few pixels are found where they are larger.
 bool FindCorners(const Board& board, const cv::Mat& grey, BoardSearch time,
                  std::vector<Eigen::Vector2d>* pixels) {
   const cv::Size size(board.columns, board.rows);
   const bool is_large = grey.cols >= kLargeWidthPx;
   cv::Mat small = grey;
-  if (is_large) cv::resize(grey, small, {}, 0.5, 0.5, cv::INTER_AREA);
+  double scale = 1;  // from a pixel of `small` to the next one in `grey`
+  if (is_large) {
+    scale = 2;
+    cv::resize(grey, small, {}, 0.5, 0.5, cv::INTER_AREA);
+  }
   std::vector<cv::Point2f> found;
   const bool by_squares = cv::findChessboardCorners(
       small, size, found, cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_FAST_CHECK);
@@ -199,8 +204,11 @@ bool FindCorners(const Board& board, const cv::Mat& grey, BoardSearch time,
       !cv::findChessboardCornersSB(small, size, found, cv::CALIB_CB_NORMALIZE_IMAGE)) {
     if (time == BoardSearch::kQuick) return false;
     small = grey;
-    // Squares of a few pixels are found where they are larger.
-    if (!is_large) cv::resize(grey, small, {}, 2, 2, cv::INTER_CUBIC);
+    scale = 1;
+    if (!is_large) {
+      scale = 0.5;
+      cv::resize(grey, small, {}, 2, 2, cv::INTER_CUBIC);
+    }
     if (!cv::findChessboardCornersSB(small, size, found, cv::CALIB_CB_NORMALIZE_IMAGE)) {
       return false;
     }
@@ -217,7 +225,6 @@ bool FindCorners(const Board& board, const cv::Mat& grey, BoardSearch time,
     }
   }
   // The centre of the first pixel is (0, 0), whatever the resolution.
-  const double scale = static_cast<double>(grey.cols) / small.cols;
   for (Eigen::Vector2d& pixel : *pixels) {
     pixel = scale * pixel + Eigen::Vector2d::Constant(0.5 * (scale - 1));
   }

@@ -40,8 +40,8 @@ constexpr double kLeastPointCorrelation = 0.85;
 constexpr double kFineMisfit = 0.04, kMostMisfit = 4;
 // From what a prediction may be off, pixels, or a share of the distance of points.
 constexpr double kOffPx = 1.5, kOffShare = 0.15;
-// Points that predict another one: the nearest of them is at most so many squares or tags away, the
-// others not much further (a ratio of squared distances).
+// How many points predict another one; how far the nearest of them may be, in squares or tags, and
+// how much further the others (a ratio of squared distances).
 constexpr size_t kLeastPredictors = 4, kMostPredictors = 8;
 constexpr double kPredictorReach = 1.05, kFarPredictorReach = 6;
 constexpr int kMostRounds = 60;

@@ -19,9 +19,10 @@ constexpr size_t kPointsNearby = 8, kPointsOfMarker = 4;
 // What bits show is correlated with what they should show, for one marker and for all.
 constexpr double kLeastOwnCorrelation = 0.5, kLeastMeanCorrelation = 0.65;
 constexpr int kLeastRightMarkers = 2;
-// Places along the side of a marker that is drawn; at most so many a pixel.
+// A marker is drawn with this many places along its side, but with no more for each pixel than
+// this.
 constexpr double kPlacesPerMarker = 45, kMostPlacesPerPixel = 3;
-// Those that are compared, within the border: so many along a side, from here to there.
+// Of these, a grid within the border is compared: its size, and where it begins and ends.
 constexpr int kComparedPlaces = 15;
 constexpr double kComparedBegin = 0.15, kComparedEnd = 0.85;
 

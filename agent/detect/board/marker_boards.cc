@@ -20,14 +20,9 @@ constexpr int kAprilBorderBits = 2;
 // that it shows nothing else.
 constexpr int kMarkerCornerPx = 3;
 
-struct Marker {
-  std::array<Eigen::Vector2d, 4> pixels;  // upper left, upper right, lower right, lower left
-};
-using Markers = std::map<int, Marker>;
-
-// `unread`: what looks like a marker but for its bits.
-Markers DetectMarkers(const Board& board, const cv::Mat& grey,
-                      std::vector<std::vector<cv::Point2f>>* unread) {
+// By number. `unread`: what looks like a marker but for its bits.
+std::vector<FoundMarker> DetectMarkers(const Board& board, const cv::Mat& grey,
+                                       std::vector<std::vector<cv::Point2f>>* unread) {
   auto parameters = cv::aruco::DetectorParameters::create();
   if (board.kind == BoardKind::kAprilGrid) {
     parameters->markerBorderBits = kAprilBorderBits;
@@ -39,19 +34,21 @@ Markers DetectMarkers(const Board& board, const cv::Mat& grey,
   std::vector<int> ids;
   cv::aruco::detectMarkers(grey, cv::aruco::getPredefinedDictionary(DictionaryOf(board)), corners,
                            ids, parameters, *unread);
-  Markers markers;
+  std::map<int, FoundMarker> by_id;
   std::vector<int> repeated;
   for (size_t i = 0; i < ids.size(); ++i) {
-    Marker marker;
+    FoundMarker marker{.id = ids[i], .pixels = {}};
     for (size_t k = 0; k < 4; ++k) {
       // kalibr's tags are upside down for OpenCV.
       const size_t from = board.kind == BoardKind::kAprilGrid ? (k + 2) % 4 : k;
       marker.pixels[k] = {corners[i][from].x, corners[i][from].y};
     }
-    if (!markers.emplace(ids[i], marker).second) repeated.push_back(ids[i]);
+    if (!by_id.emplace(ids[i], marker).second) repeated.push_back(ids[i]);
   }
   // Two boards, or a false one: neither is certain.
-  for (const int id : repeated) markers.erase(id);
+  for (const int id : repeated) by_id.erase(id);
+  std::vector<FoundMarker> markers;
+  for (const auto& [id, marker] : by_id) markers.push_back(marker);
   return markers;
 }
 
@@ -81,10 +78,7 @@ std::optional<SeenBoard> FindSide(const Board& board, const cv::Mat& grey,
 
 std::optional<SeenBoard> FindMarkerBoard(const Board& board, const cv::Mat& grey) {
   std::vector<std::vector<cv::Point2f>> unread;
-  std::vector<FoundMarker> markers;
-  for (const auto& [id, marker] : DetectMarkers(board, grey, &unread)) {
-    markers.push_back({id, marker.pixels});
-  }
+  std::vector<FoundMarker> markers = DetectMarkers(board, grey, &unread);
   auto seen = FindSide(board, grey, markers);
   if (seen) return seen;
   markers.clear();

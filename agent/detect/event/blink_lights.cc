@@ -9,8 +9,9 @@
 namespace rigcal::agent {
 namespace {
 
-// Of a period: within it two rises are of one light.
-constexpr double kSamePhase = 0.12;
+// Of a period: within it two rises are of one light. The LED that sends a light code is two lights,
+// whose rises are a tenth of a period apart (common/light_code).
+constexpr double kSamePhase = 0.075;
 // Of a period, and at most: pixels in the dark take several tenths of a millisecond.
 constexpr double kAnswerShare = 0.2, kMostAnswerUs = 600;
 // What one more burst changes of the period and of the time that the light shines.
@@ -32,12 +33,17 @@ double BlinkLight::LastOn(double time_us) const {
 }
 
 size_t BlinkLights::IndexOf(int frequency, double on_us) const {
+  size_t nearest = lights_.size();
+  double least = kSamePhase;
   for (size_t i = lights_.size(); i-- > 0;) {
     const BlinkLight& light = lights_[i];
     const double away_us = std::remainder(SinceUs(light.on_us, on_us), light.period_us);
-    if (light.frequency == frequency && std::abs(away_us) < kSamePhase * light.period_us) return i;
+    const double away = std::abs(away_us) / light.period_us;
+    if (light.frequency != frequency || away >= least) continue;
+    nearest = i;
+    least = away;
   }
-  return lights_.size();
+  return nearest;
 }
 
 const BlinkLight* BlinkLights::Find(int frequency, double on_us) const {

@@ -32,7 +32,7 @@ struct BlinkingLed {
   double hz = 0;     // 0: it shines all the time
   double duty = 1;   // (0, 1]
   double phase = 0;  // where in its period it is at time 0, 0 to 1
-  SentCode code;
+  SentCode code = {};
   double clock_rate = 1;  // of the wand's clock, which `hz` has in it
 
   bool IsLit(double time_s) const;

@@ -24,7 +24,7 @@
 namespace rigcal::accuracy {
 namespace {
 
-constexpr double kDayS = 86'400;
+constexpr double kDayS = 86'400, kMostEventOffsetS = 5;
 
 // The world of a seed, and the light of its wand.
 struct Scene {
@@ -40,7 +40,9 @@ absl::StatusOr<Scene> SceneOf(const LightCodeOptions& options, LightCodeWave* wa
   scene.world.duration_s = options.duration_s;
   scene.world.free_running = true;
   for (int c = 0; c < scene.world.camera_count; ++c) {
-    scene.world.time_offset_s[c] = -kDayS * random.Uniform();
+    // Stamps of events are read from their first 16.8 s on: where they come round.
+    const bool is_event = c >= options.frame_cameras;
+    scene.world.time_offset_s[c] = -(is_event ? kMostEventOffsetS : kDayS) * random.Uniform();
     scene.world.time_rate_ppm[c] = random.Uniform(-50, 50);
     scene.world.camera_rate_hz[c] = c < options.frame_cameras ? random.Uniform(24, 120) : 200;
   }
@@ -168,6 +170,11 @@ void JudgeAlignment(const SimulatedWorld& world, const std::vector<server::Camer
 
 void JudgeSolve(const SimulatedWorld& world, size_t frame_cameras,
                 std::vector<server::CameraTrack> tracks, LightCodeWave* wave) {
+  std::vector<double> middles_s;
+  for (const server::CameraTrack& track : tracks) {
+    const auto& rows = track.observations;
+    middles_s.push_back(1e-9 * static_cast<double>(rows[rows.size() / 2].time_ns));
+  }
   const server::CalibrationOutcome outcome =
       server::Calibrate({.target = world.target(), .tracks = std::move(tracks), .refused = {}}, {});
   wave->solved = outcome.result.status();
@@ -176,8 +183,11 @@ void JudgeSolve(const SimulatedWorld& world, size_t frame_cameras,
   for (const CalibratedCamera& camera : outcome.result->cameras) {
     for (size_t c = 0; c < world.cameras().size(); ++c) {
       if (camera.camera != absl::StrCat("camera_", c)) continue;
-      const double error_s =
-          camera.time_offset_s - TrueOffsetS(world.cameras()[c], camera.time_epoch_s);
+      // In the middle of the wave.
+      const double middle_s = middles_s[c];
+      const double offset_s =
+          camera.time_offset_s + 1e-6 * camera.time_rate_ppm * (middle_s - camera.time_epoch_s);
+      const double error_s = offset_s - TrueOffsetS(world.cameras()[c], middle_s);
       errors_s.push_back(error_s);
       if (c < frame_cameras) of_frames_s.push_back(error_s);
     }

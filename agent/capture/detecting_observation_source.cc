@@ -70,6 +70,7 @@ absl::Status DetectingObservationSource::Start(const Target& target) {
   reported_background_ = 0;
   exposure_facts_ = {.blink_s = BlinkPeriodS(target)};
   exposure_checked_ = false;
+  light_code_.Clear();
   other_target_frames_ = interlaced_frames_ = 0;
   detection_ = {};
   detections_ = {};
@@ -123,10 +124,18 @@ absl::StatusOr<std::optional<Observation>> DetectingObservationSource::Next() {
     NoteBackground(*frame);
   }
   Note(*frame);
+  light_code_.Look(description().camera, detection_);
   preview_tap_.Offer(frame->image, frame->time_ns, frame->clock_epoch, detection_,
                      detector_->window(), detector_->blobs());
   control_.frames().Offer(frame->image, frame->time_ns, frame->clock_epoch, detection_);
   return detection_.observation;
+}
+
+std::vector<ClockSample> DetectingObservationSource::TakeClockSamples() {
+  std::vector<ClockSample> samples = frames_->TakeClockSamples();
+  const std::vector<ClockSample> of_light = light_code_.Take();
+  samples.insert(samples.end(), of_light.begin(), of_light.end());
+  return samples;
 }
 
 bool DetectingObservationSource::LearnsMask(const Frame& frame) {

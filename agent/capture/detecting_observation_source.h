@@ -14,6 +14,7 @@
 #include "absl/types/span.h"
 #include "agent/capture/detector_control.h"
 #include "agent/capture/frame_source.h"
+#include "agent/capture/light_code_reader.h"
 #include "agent/capture/observation_source.h"
 #include "agent/capture/preview/preview_tap.h"
 #include "agent/capture/static_mask.h"
@@ -53,7 +54,7 @@ class DetectingObservationSource : public ObservationSource {
   absl::Status Start(const Target& target) override;
   absl::StatusOr<std::optional<Observation>> Next() override;
   void Stop() override { frames_->Stop(); }
-  std::vector<ClockSample> TakeClockSamples() override { return frames_->TakeClockSamples(); }
+  std::vector<ClockSample> TakeClockSamples() override;
   std::vector<Refusal> Refused() const override;
   std::optional<FrameCounts> frame_counts() const override { return frames_->counts(); }
   std::optional<DetectionCounts> detection_counts() const override { return detections_; }
@@ -104,6 +105,7 @@ class DetectingObservationSource : public ObservationSource {
   ExposureFacts exposure_facts_;
   std::optional<int64_t> learn_until_ns_;
   bool exposure_checked_ = false;
+  LightCodeReader light_code_;
   int other_target_frames_ = 0, interlaced_frames_ = 0;  // that show another wand than the target
   Detection detection_;
   DetectionCounts detections_;

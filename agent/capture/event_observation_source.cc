@@ -29,6 +29,7 @@ absl::Status EventObservationSource::Start(const Target& target) {
   without_blob_ = 0;
   has_blob_ = warned_of_two_ = warned_of_band_ = warned_of_one_switch_ = false;
   losses_ = EventLossReport();
+  light_code_.Clear();
   found_.clear();
   next_ = 0;
   if (!target.board.empty()) {
@@ -181,7 +182,15 @@ absl::StatusOr<std::optional<Observation>> EventObservationSource::Next() {
     RIGCAL_ASSIGN_OR_RETURN(const bool more, TakeChunk());
     if (!more) return std::nullopt;
   }
+  light_code_.Look(description().camera, found_[next_]);
   return std::move(found_[next_++].observation);
+}
+
+std::vector<ClockSample> EventObservationSource::TakeClockSamples() {
+  std::vector<ClockSample> samples = events_->TakeClockSamples();
+  const std::vector<ClockSample> of_light = light_code_.Take();
+  samples.insert(samples.end(), of_light.begin(), of_light.end());
+  return samples;
 }
 
 std::optional<DetectionCounts> EventObservationSource::detection_counts() const {

@@ -14,6 +14,7 @@
 #include "absl/status/statusor.h"
 #include "agent/capture/event_board_watch.h"
 #include "agent/capture/event_loss_report.h"
+#include "agent/capture/light_code_reader.h"
 #include "agent/capture/observation_source.h"
 #include "agent/detect/event/blink_wand_detector.h"
 #include "agent/event/event_source.h"
@@ -35,7 +36,7 @@ class EventObservationSource : public ObservationSource {
   absl::Status Start(const Target& target) override;
   absl::StatusOr<std::optional<Observation>> Next() override;
   void Stop() override { events_->Stop(); }
-  std::vector<ClockSample> TakeClockSamples() override { return events_->TakeClockSamples(); }
+  std::vector<ClockSample> TakeClockSamples() override;
   std::vector<Refusal> Refused() const override;
   std::optional<DetectionCounts> detection_counts() const override;
 
@@ -71,6 +72,7 @@ class EventObservationSource : public ObservationSource {
   bool has_blob_ = false, warned_of_two_ = false, warned_of_band_ = false;
   bool warned_of_one_switch_ = false;
   EventLossReport losses_;
+  LightCodeReader light_code_;
 };
 
 }  // namespace rigcal::agent

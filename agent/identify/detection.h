@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "common/target/detection_outcome.h"
@@ -27,6 +28,10 @@ struct Detection {
   // Radius of the largest marker's image, and grey level of the brightest marker's middle in its
   // brightest channel; 0 without a wand, and for events.
   double marker_radius_px = 0, marker_grey = 0;
+  // How bright the wand's middle marker is, lower while it is dimmed (light_code.h): in frames the
+  // logarithm of its brightness over the mean of its neighbours', in events the share of a blink in
+  // which it is lit. None: not seen whole, saturated, or not measured.
+  std::optional<double> light_level;
   // Share of the pixels, 0 to 1, that do not move and are ignored (BackgroundLearner).
   double background_share = 0;
   // Without a wand (OtherWand): where the middle one of three like spheres is, if not where told;

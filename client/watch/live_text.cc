@@ -119,6 +119,7 @@ std::string ClockText(const v1::LiveClock& clock) {
   if (clock.has_time_offset_s()) {
     return absl::StrFormat("%+.1f ms", 1e3 * clock.time_offset_s());
   }
+  if (clock.wand() != 0) return absl::StrFormat("by wand %d", static_cast<int>(clock.wand()));
   if (clock.has_sample_spread_s()) {
     return absl::StrFormat("spread %.1f ms", 1e3 * clock.sample_spread_s());
   }

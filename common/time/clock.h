@@ -20,12 +20,23 @@ struct Clock {
   friend bool operator==(const Clock&, const Clock&) = default;
 };
 
-// Three clocks read together.
+// Values of ClockSample::light: the camera's PC was read; 1 to kMaxWandNumber: the wand of that
+// number (light_code.h); lamps on the mains.
+inline constexpr uint32_t kNoLight = 0, kMaxWandNumber = 8, kLamps = 100;
+
+// A camera's clock, read together with those of its PC, or with a light that the camera sees.
 struct ClockSample {
   int64_t device_ns = 0;
-  int64_t host_monotonic_ns = 0;
-  int64_t host_utc_ns = 0;
-  uint32_t uncertainty_ns = 0;  // one sigma of the time of reading; 0 = not known (1 ms assumed)
+  int64_t host_monotonic_ns = 0;  // 0 where a light was read
+  int64_t host_utc_ns = 0;        // likewise
+  uint32_t uncertainty_ns = 0;    // one sigma of the time of reading; 0 = not known (1 ms assumed)
+  uint32_t light = kNoLight;
+  // Of a wand: the time since it began to blink, by its own clock. Of lamps: their period; the
+  // camera's clock was read where one began.
+  int64_t light_ns = 0;
+
+  bool IsOfHost() const { return light == kNoLight; }
+  bool IsOfWand() const { return light >= 1 && light <= kMaxWandNumber; }
 
   friend bool operator==(const ClockSample&, const ClockSample&) = default;
 };

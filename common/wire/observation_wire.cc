@@ -110,8 +110,12 @@ absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto) {
   RIGCAL_RETURN_IF_ERROR(CopyCentreKinds(proto, &batch));
   FillOmittedColumns(&batch);
   for (const v1::ClockSample& sample : proto.clock_samples()) {
-    batch.clock_samples.push_back({sample.device_ns(), sample.host_monotonic_ns(),
-                                   sample.host_utc_ns(), sample.uncertainty_ns()});
+    batch.clock_samples.push_back({.device_ns = sample.device_ns(),
+                                   .host_monotonic_ns = sample.host_monotonic_ns(),
+                                   .host_utc_ns = sample.host_utc_ns(),
+                                   .uncertainty_ns = sample.uncertainty_ns(),
+                                   .light = sample.light(),
+                                   .light_ns = sample.light_ns()});
   }
   for (const v1::HostAlignment& alignment : proto.host_alignments()) {
     batch.host_alignments.push_back({alignment.host_monotonic_ns(),
@@ -152,6 +156,8 @@ void ToProto(const ObservationBatch& batch, v1::ObservationBatch* proto) {
     out->set_host_monotonic_ns(sample.host_monotonic_ns);
     out->set_host_utc_ns(sample.host_utc_ns);
     out->set_uncertainty_ns(sample.uncertainty_ns);
+    out->set_light(sample.light);
+    out->set_light_ns(sample.light_ns);
   }
   for (const HostAlignment& alignment : batch.host_alignments) {
     v1::HostAlignment* out = proto->add_host_alignments();

@@ -12,6 +12,7 @@
 #include "absl/numeric/int128.h"
 #include "absl/strings/str_cat.h"
 #include "common/statistics/robust_statistics.h"
+#include "server/associate/light_clocks.h"
 
 namespace rigcal::server {
 namespace {
@@ -19,8 +20,6 @@ namespace {
 constexpr double kDefaultSampleSigmaS = 1e-3;
 // A host's UTC that moves by more against its monotonic clock has been set; readings are better.
 constexpr int64_t kStepNs = 50'000'000;
-
-using ClockKey = std::tuple<std::string, std::string, uint32_t>;  // session, clock, epoch
 
 // Server UTC minus host UTC: the median of the pings that were about as good as the best.
 int64_t HostCorrectionNs(const std::vector<HostAlignment>& alignments) {
@@ -76,7 +75,7 @@ bool UtcWasSetBetween(const ClockSample& a, const ClockSample& b) {
 HostRelation RelateHost(const CameraTrack& track) {
   std::vector<ClockSample> samples;
   for (const CameraTrack::EpochSample& sample : track.clock_samples) {
-    samples.push_back(sample.sample);
+    if (sample.sample.IsOfHost()) samples.push_back(sample.sample);
   }
   const auto key = [](const ClockSample& sample) {
     return std::pair(sample.host_monotonic_ns, sample.host_utc_ns);
@@ -102,17 +101,13 @@ HostRelation RelateHost(const CameraTrack& track) {
   return {.by_monotonic = true, .correction_ns = HostCorrectionNs(to_monotonic)};
 }
 
-struct Offset {
-  int64_t offset_ns = 0;
-  double sigma_s = 0;
-};
-
-std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tracks) {
+std::map<ClockKey, ClockOffset> OffsetsFromSamples(const std::vector<CameraTrack>& tracks) {
   std::map<ClockKey, std::vector<int64_t>> differences;
   std::map<ClockKey, double> sigmas;
   for (const CameraTrack& track : tracks) {
     const HostRelation host = RelateHost(track);
     for (const CameraTrack::EpochSample& sample : track.clock_samples) {
+      if (!sample.sample.IsOfHost()) continue;
       const ClockKey key = {track.session_id, track.camera.clock.clock_id, sample.clock_epoch};
       differences[key].push_back(host.ServerMinusDeviceNs(sample.sample));
       const double sigma = sample.sample.uncertainty_ns > 0
@@ -121,12 +116,12 @@ std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tr
       sigmas[key] = std::max(sigmas[key], sigma);
     }
   }
-  std::map<ClockKey, Offset> offsets;
+  std::map<ClockKey, ClockOffset> offsets;
   for (auto& [key, values] : differences) {
     const int64_t median = LowerMedian(values);
     for (int64_t& value : values) value = std::abs(value - median);
     const double spread = 1e-9 * kSigmaOverMad * static_cast<double>(LowerMedian(values));
-    offsets[key] = {median, std::max(sigmas[key], spread)};
+    offsets[key] = {.offset_ns = median, .sigma_s = std::max(sigmas[key], spread)};
   }
   return offsets;
 }
@@ -175,26 +170,33 @@ void MeasurePeriods(AlignedTrack* track) {
 }  // namespace
 
 std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
-                                      std::vector<CleanTrack> clean, RefusalCounter* refused) {
-  const std::map<ClockKey, Offset> offsets = OffsetsFromSamples(tracks);
+                                      std::vector<CleanTrack> clean, RefusalCounter* refused,
+                                      std::vector<StampFault>* faults) {
+  std::map<ClockKey, ClockOffset> offsets = OffsetsFromSamples(tracks);
   std::map<std::string, std::set<std::string>> timebases;  // by session
   for (const CleanTrack& track : clean) {
     timebases[track.session_id].insert(track.camera.clock.timebase);
   }
+  const auto key_of = [](const CleanTrack& track) {
+    return ClockKey{track.session_id, track.camera.clock.clock_id, track.clock_epoch};
+  };
+  for (const CleanTrack& track : clean) {
+    const std::set<std::string>& bases = timebases[track.session_id];
+    if (bases.size() == 1 && !bases.begin()->empty()) offsets[key_of(track)] = {};
+  }
+  RelateByLight(tracks, &offsets, faults);
   std::vector<AlignedTrack> aligned;
   for (CleanTrack& track : clean) {
-    const std::set<std::string>& bases = timebases[track.session_id];
-    const bool has_timebase = bases.size() == 1 && !bases.begin()->empty();
-    const auto found =
-        offsets.find({track.session_id, track.camera.clock.clock_id, track.clock_epoch});
-    if (!has_timebase && found == offsets.end()) {
+    const auto found = offsets.find(key_of(track));
+    if (found == offsets.end()) {
       refused->Add(
           track.camera.camera, RefusalReason::kClockEpochWithoutOffset, track.observations.size(),
           absl::StrCat("clock epoch ", track.clock_epoch, " of clock ", track.camera.clock.clock_id,
-                       ": no clock samples, and no time base that all cameras share"));
+                       ": no clock samples, no light code of a wand, and no time base that all "
+                       "cameras share"));
       continue;
     }
-    const Offset offset = has_timebase ? Offset{} : found->second;
+    const ClockOffset offset = found->second;
     const int64_t latency_ns = std::llround(track.camera.latency_s * 1e9);
     if (!IsWithinReach(track, offset.offset_ns, latency_ns)) {
       refused->Add(
@@ -206,6 +208,7 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
     AlignedTrack result;
     result.clock_offset_ns = offset.offset_ns;
     result.offset_sigma_s = offset.sigma_s;
+    result.wand = offset.wand;
     result.latency_ns = latency_ns;
     result.track = std::move(track);
     MeasurePeriods(&result);

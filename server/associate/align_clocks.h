@@ -9,6 +9,7 @@
 #include "common/time/clock_course.h"
 #include "server/associate/camera_track.h"
 #include "server/associate/clean_track.h"
+#include "server/associate/stamp_fault.h"
 
 namespace rigcal::server {
 
@@ -18,7 +19,10 @@ struct AlignedTrack {
   int64_t clock_offset_ns = 0;  // of the clock: rig time minus camera time, coarse
   int64_t latency_ns = 0;       // of the camera: rig time is camera time + offset - latency
   double offset_sigma_s = 0;    // one sigma of the coarse offset; 0 within one time base
-  double period_s = 0;          // median time between rows; 0 with fewer than two
+  // The wand whose light code relates the clock to those of all tracks of the session with the same
+  // number here; 0: none does.
+  uint32_t wand = 0;
+  double period_s = 0;  // median time between rows; 0 with fewer than two
   // Of the camera's frames: less than period_s where most frames have no row. 0: as period_s.
   double frame_period_s = 0;
   // Of static points (static_points.h): times are made up, and no clock has to do with them.
@@ -42,9 +46,11 @@ struct AlignedTrack {
 // has seen to it that they can. In any other session rig time is the
 // server's UTC: an epoch of a clock with samples gets the median of host UTC minus device time,
 // plus the host's own alignment with the server. Everything else is rejected and counted as
-// `clock_epoch_without_offset`. Clocks are identified by clock_id, so that cameras on one clock
-// share its samples. The order of `clean` is kept.
+// `clock_epoch_without_offset`. Epochs that have read a wand's light code are related by it
+// (RelateByLight), whatever else is known. Clocks are identified by clock_id, so that cameras on
+// one clock share its samples. The order of `clean` is kept.
 std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
-                                      std::vector<CleanTrack> clean, RefusalCounter* refused);
+                                      std::vector<CleanTrack> clean, RefusalCounter* refused,
+                                      std::vector<StampFault>* faults = nullptr);
 
 }  // namespace rigcal::server

@@ -175,7 +175,8 @@ std::vector<AlignedTrack> GatherStaticPoints(const std::vector<CleanTrack>& trac
 }
 
 std::vector<AlignedTrack> AlignTracks(std::vector<CameraTrack>* tracks,
-                                      const TargetOfSession& target_of, RefusalCounter* refused) {
+                                      const TargetOfSession& target_of, RefusalCounter* refused,
+                                      std::vector<StampFault>* faults) {
   const auto marker_count = [&target_of](const std::string& session_id) {
     return target_of(session_id).marker_count();
   };
@@ -186,7 +187,7 @@ std::vector<AlignedTrack> AlignTracks(std::vector<CameraTrack>* tracks,
   const std::vector<CleanTrack> fixed(std::make_move_iterator(first_static),
                                       std::make_move_iterator(moving.end()));
   moving.erase(first_static, moving.end());
-  std::vector<AlignedTrack> aligned = AlignClocks(*tracks, std::move(moving), refused);
+  std::vector<AlignedTrack> aligned = AlignClocks(*tracks, std::move(moving), refused, faults);
   std::ranges::move(GatherStaticPoints(fixed, target_of, aligned, refused),
                     std::back_inserter(aligned));
   return aligned;

@@ -14,14 +14,16 @@ namespace rigcal::server {
 
 using TargetOfSession = std::function<const Target&(const std::string& session_id)>;
 
-// The weight of a centre is at most that of this many rows. Errors from the pixel grid, the lens and
-// the light are the same in every row of a point that does not move: averaging does not reduce them.
+// The weight of a centre is at most that of this many rows. Errors from the pixel grid, the lens
+// and the light are the same in every row of a point that does not move: averaging does not reduce
+// them.
 inline constexpr double kMaxRowsOfCentre = 25;
 
 // Cleans all tracks (CleanTracks) and aligns their clocks (AlignClocks), but for those of static
 // points, which come last as GatherStaticPoints makes them. The rows of `tracks` are freed.
 std::vector<AlignedTrack> AlignTracks(std::vector<CameraTrack>* tracks,
-                                      const TargetOfSession& target_of, RefusalCounter* refused);
+                                      const TargetOfSession& target_of, RefusalCounter* refused,
+                                      std::vector<StampFault>* faults);
 
 // One track for each camera and session of static points: each point that the camera saw has one
 // centre, the mean of its rows without their outliers (counted as `outlier`). The covariance is

@@ -242,7 +242,8 @@ std::vector<StampFault> StraightenClocks(std::vector<CameraTrack>* tracks, Refus
     StampStream& stream = streams[{track.session_id, track.camera.camera}];
     stream.session_id = track.session_id;
     stream.camera = track.camera.camera;
-    stream.has_samples |= !track.clock_samples.empty();
+    stream.has_samples |= std::ranges::any_of(
+        track.clock_samples, [](const auto& sample) { return sample.sample.IsOfHost(); });
     for (Observation& observation : track.observations) stream.rows.push_back({&observation});
   }
   std::vector<StampFault> faults;

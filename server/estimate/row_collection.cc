@@ -58,9 +58,9 @@ void RowCollection::AddTo(SessionRows* session, const ObservationBatch& batch, c
 
 void RowCollection::AddClocks(const ObservationBatch& batch, Camera* camera) const {
   if (batch.clock_samples.empty() && batch.host_alignments.empty()) return;
-  if (!camera->clock_offset_ns && !batch.clock_samples.empty()) {
-    const ClockSample& first = batch.clock_samples.front();
-    camera->clock_offset_ns = first.host_utc_ns - first.device_ns;
+  const auto first = std::ranges::find_if(batch.clock_samples, &ClockSample::IsOfHost);
+  if (!camera->clock_offset_ns && first != batch.clock_samples.end()) {
+    camera->clock_offset_ns = first->host_utc_ns - first->device_ns;
   }
   auto found = std::ranges::find(camera->clocks, batch.clock_epoch, &ObservationBatch::clock_epoch);
   if (found == camera->clocks.end()) {

@@ -49,6 +49,7 @@ void ClockRelation::NoteJump(const Point& before, const Point& now) {
 }
 
 void ClockRelation::AddSample(uint32_t clock_epoch, const ClockSample& sample) {
+  if (!sample.IsOfHost()) return;
   if (epoch_ != clock_epoch) {
     points_.clear();
     epoch_ = clock_epoch;

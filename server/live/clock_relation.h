@@ -16,7 +16,7 @@ namespace rigcal::server {
 // for AlignClocks, which decides in a calibration. Memory is bounded.
 class ClockRelation {
  public:
-  // A sample of another epoch than the one before begins anew.
+  // A sample of another epoch than the one before begins anew. Those of lights say nothing here.
   void AddSample(uint32_t clock_epoch, const ClockSample& sample);
   void AddAlignment(const HostAlignment& alignment);
 

@@ -47,6 +47,7 @@ void FollowedRig::ForgetSession() {
   activities_.clear();
   overlap_.reset();
   clocks_.clear();
+  wand_times_.clear();
   arrival_offsets_ns_.clear();
   estimate_.reset();
   late_count_ = 0;
@@ -88,7 +89,10 @@ void FollowedRig::AddArrivals(const StreamKey& stream, const Arrivals& arrived, 
   if (activity == activities_.end()) return;
   activity->second.Add(stream.stream_epoch, arrived, now);
   ClockRelation& clock = clocks_[session_->FindCamera(stream.camera)->description.clock.clock_id];
-  for (const auto& [epoch, sample] : arrived.clock_samples) clock.AddSample(epoch, sample);
+  for (const auto& [epoch, sample] : arrived.clock_samples) {
+    clock.AddSample(epoch, sample);
+    if (sample.IsOfWand()) wand_times_[stream.camera] = sample;
+  }
   for (const HostAlignment& alignment : arrived.host_alignments) clock.AddAlignment(alignment);
   if (!arrived.has_rows) return;
   if (!commit_time_ || arrived.last_time > *commit_time_) commit_time_ = arrived.last_time;
@@ -203,6 +207,10 @@ LiveCamera FollowedRig::DescribeCamera(const std::string& name, Time now) const 
   }
   camera.has_preview = is_connected && !by_hand && camera.state == LiveCameraState::kCapturing;
   if (const ClockRelation* clock = FindClock(*own)) camera.clock.sample_spread_s = clock->SpreadS();
+  if (const auto read = wand_times_.find(name); read != wand_times_.end()) {
+    camera.clock.wand = read->second.light;
+    camera.clock.wand_time_s = 1e-9 * static_cast<double>(read->second.light_ns);
+  }
   if (const LiveEstimatedCamera* estimated = FindEstimated(name)) {
     camera.clock.time_offset_s = estimated->time_offset_s;
     camera.clock.time_offset_sigma_s = estimated->time_offset_sigma_s;

@@ -96,8 +96,9 @@ class FollowedRig {
   bool common_timebase_ = false;
   std::vector<std::string> order_;
   std::map<std::string, CameraActivity> activities_;
-  std::unique_ptr<OverlapCounter> overlap_;      // in order_; null: no session
-  std::map<std::string, ClockRelation> clocks_;  // by clock_id
+  std::unique_ptr<OverlapCounter> overlap_;        // in order_; null: no session
+  std::map<std::string, ClockRelation> clocks_;    // by clock_id
+  std::map<std::string, ClockSample> wand_times_;  // by camera, of the last light code read
   // By camera, with the clock epoch: of the row that took least to arrive.
   std::map<std::string, std::pair<uint32_t, int64_t>> arrival_offsets_ns_;
   std::shared_ptr<const LiveEstimate> estimate_;

@@ -103,6 +103,8 @@ struct LiveClock {
   double time_offset_sigma_s = 0;
   std::optional<double> sample_spread_s;  // one sigma of its clock samples; none: it has none
   uint32_t clock_epoch_count = 0;
+  uint32_t wand = 0;       // whose light code the camera has read last; 0: none
+  double wand_time_s = 0;  // for which it had been on then
   friend bool operator==(const LiveClock&, const LiveClock&) = default;
 };
 

@@ -57,6 +57,8 @@ void Fill(const LiveCamera& camera, v1::LiveCamera* proto) {
   clock->set_time_offset_sigma_s(camera.clock.time_offset_sigma_s);
   if (camera.clock.sample_spread_s) clock->set_sample_spread_s(*camera.clock.sample_spread_s);
   clock->set_clock_epoch_count(camera.clock.clock_epoch_count);
+  clock->set_wand(camera.clock.wand);
+  clock->set_wand_time_s(camera.clock.wand_time_s);
   v1::LiveCoverage* coverage = proto->mutable_coverage();
   coverage->set_columns(camera.coverage.columns);
   coverage->set_rows(camera.coverage.rows);

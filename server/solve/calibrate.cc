@@ -229,7 +229,9 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   std::ranges::copy(FindingsOf(StraightenClocks(&input.tracks, refused, std::ref(evidence))),
                     std::back_inserter(of_stamps));
   RIGCAL_RETURN_IF_ERROR(CheckStampUnits(input.tracks));
-  rig.tracks = AlignTracks(&input.tracks, target_of, refused);
+  std::vector<StampFault> of_lights;
+  rig.tracks = AlignTracks(&input.tracks, target_of, refused, &of_lights);
+  std::ranges::copy(FindingsOf(of_lights), std::back_inserter(of_stamps));
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
   RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));

@@ -41,6 +41,12 @@ FindingKind KindOf(StampFault::Kind kind) {
       return FindingKind::kRowsCopied;
     case StampFault::Kind::kAtOrigin:
       return FindingKind::kMarkersAtOrigin;
+    case StampFault::Kind::kLightContradicts:
+      return FindingKind::kLightCodeContradicts;
+    case StampFault::Kind::kOtherWand:
+      return FindingKind::kOtherWandSeen;
+    case StampFault::Kind::kWandRate:
+      return FindingKind::kWandClockWrong;
   }
   return FindingKind::kUnspecified;
 }
@@ -57,7 +63,11 @@ const char* UnitOf(StampFault::Kind kind) {
     case StampFault::Kind::kRepeat:
     case StampFault::Kind::kBursts:
     case StampFault::Kind::kCopied:
+    case StampFault::Kind::kLightContradicts:
+    case StampFault::Kind::kWandRate:
       return "%";
+    case StampFault::Kind::kOtherWand:
+      return "wand";
   }
   return "";
 }

@@ -20,6 +20,7 @@ void BlinkDetections::Take(const OutputTime& asked, BlinkWand wand, std::vector<
   detection.outcome = wand.outcome;
   detection.confidence = wand.confidence;
   detection.blob_count = wand.blob_count;
+  detection.light_level = wand.lit_share;
   Observation& observation = detection.observation;
   observation.time_ns = asked.time_us * 1000;
   observation.clock_epoch = clock_epoch_;

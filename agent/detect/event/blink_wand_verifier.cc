@@ -188,6 +188,13 @@ BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
     wand = Enter();
   }
   UpdateTrack(wand);
+  if (wand.outcome == DetectionOutcome::kWand) {
+    const int middle = wand.blobs[wand.blobs.size() / 2];
+    const BlinkBlob* const blob = middle >= 0 ? &seen_[static_cast<size_t>(middle)] : nullptr;
+    if (blob != nullptr && blob->is_timed) {
+      wand.lit_share = 2 * SinceUs(blob->burst_us, blob->time_us) / blob->period_us;
+    }
+  }
   return wand;
 }
 

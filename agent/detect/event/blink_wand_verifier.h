@@ -25,6 +25,8 @@ struct BlinkWand {
   bool is_beside_gap = false;
   double answered_share = 1;
   bool is_timed = false;  // with kWand: all its blobs are (BlinkBlob::is_timed)
+  // Of a blink, the share in which the middle marker is lit; none where that was not measured.
+  std::optional<double> lit_share;
 };
 
 // Chooses the wand among blobs that blink at its frequency: the candidate of WandFinder whose pose

@@ -2,6 +2,7 @@
 #include "agent/detect/frame/wand_detector.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <string>
 #include <utility>
@@ -20,6 +21,9 @@ constexpr double kModelSigmaPx = 0.003;
 
 // Speed of a wand that is not followed yet, as hands move: m/s, one sigma along each axis.
 constexpr double kHandSpeed = 0.6;
+
+// Of a channel in the middle of a sphere: darker says little, brighter may be clipped.
+constexpr double kUnreadGrey = 25, kFullGrey = 250;
 
 }  // namespace
 
@@ -68,6 +72,34 @@ MarkerObservation WandDetector::Observe(const VerifiedWand& wand, size_t k) cons
   return marker;
 }
 
+std::optional<double> WandDetector::LightLevel(const VerifiedWand& wand) {
+  const size_t count = wand.centres.size(), middle = count / 2;
+  if (!wand.whole[middle]) return std::nullopt;
+  Eigen::Vector3d others_grey = Eigen::Vector3d::Zero();
+  int others = 0;
+  for (const size_t k : {middle - 1, middle + 1}) {
+    if (k >= count || !wand.whole[k]) continue;
+    others_grey += wand.centres[k].plateau_grey;
+    ++others;
+  }
+  Eigen::Vector3d middle_grey = wand.centres[middle].plateau_grey;
+  if (others > 0) {
+    others_grey /= others;
+  } else {
+    others_grey = middle_grey;
+  }
+  // The brightest channel that is not clipped.
+  int best = -1;
+  for (int channel = 0; channel < 3; ++channel) {
+    const double grey = std::max(others_grey[channel], middle_grey[channel]);
+    if (grey < kUnreadGrey || grey > kFullGrey || middle_grey[channel] <= 0) continue;
+    if (best < 0 || others_grey[channel] > others_grey[best]) best = channel;
+  }
+  if (best < 0) return std::nullopt;
+  const double level = std::log(middle_grey[best]);
+  return others > 0 ? level - std::log(others_grey[best]) : level;
+}
+
 void WandDetector::Follow(const VerifiedWand& wand, Detection* detection) {
   Observation& observation = detection->observation;
   detection->confidence = wand.confidence;
@@ -80,6 +112,7 @@ void WandDetector::Follow(const VerifiedWand& wand, Detection* detection) {
     detection->marker_grey = std::max(detection->marker_grey, centre.plateau_grey.maxCoeff());
   }
   detection->marker_radius_px = radius_px;
+  detection->light_level = LightLevel(wand);
   track_.Add(observation.time_ns, observation.clock_epoch, centres, radius_px);
   for (size_t k = 0; k < wand.blobs.size(); ++k) observation.markers[k] = Observe(wand, k);
 }

@@ -76,6 +76,8 @@ class WandDetector : public FrameDetector {
                                             uint32_t clock_epoch);
   MarkerObservation Observe(const VerifiedWand& wand, size_t marker) const;
   void Follow(const VerifiedWand& wand, Detection* detection);
+  // Detection::light_level.
+  static std::optional<double> LightLevel(const VerifiedWand& wand);
   DetectionOutcome WhyNone(const ImageView& image, const Verdict& verdict) const;
 
   WandDetectorOptions options_;

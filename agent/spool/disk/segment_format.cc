@@ -18,8 +18,9 @@ constexpr std::string_view kMagic = "RCSPOOL1";
 constexpr std::string_view kSyncWord = "\xa5RC1";
 constexpr size_t kMaxNameBytes = 256;
 constexpr size_t kSampleBytes = 28;
+constexpr size_t kLightBytes = 12;  // of a sample, behind all of them; not in older segments
 constexpr size_t kMaxSamples = 1024;
-static_assert(kMaxSamples * kSampleBytes + 4096 < kMaxRecordBytes);
+static_assert(kMaxSamples * (kSampleBytes + kLightBytes) + 4096 < kMaxRecordBytes);
 
 }  // namespace
 
@@ -108,6 +109,10 @@ void EncodeRecord(uint32_t seq, const Observation& observation,
     PutNumber(clock_samples[i].host_utc_ns, out);
     PutNumber(clock_samples[i].uncertainty_ns, out);
   }
+  for (size_t i = 0; i < samples; ++i) {
+    PutNumber(clock_samples[i].light, out);
+    PutNumber(clock_samples[i].light_ns, out);
+  }
   const size_t payload_size = out->size() - payload_begin;
   std::string prefix(kSyncWord);
   PutNumber(static_cast<uint32_t>(payload_size), &prefix);
@@ -151,13 +156,18 @@ bool DecodePayload(std::string_view payload, uint32_t marker_count, SpooledObser
     marker.centre_kind = CentreKind{kind};
   }
   const auto samples = reader.Take<uint16_t>();
-  if (reader.left() != samples * kSampleBytes) return false;
+  const bool has_lights = reader.left() != samples * kSampleBytes;
+  if (has_lights && reader.left() != samples * (kSampleBytes + kLightBytes)) return false;
   for (uint16_t i = 0; i < samples; ++i) {
     ClockSample& sample = row->clock_samples.emplace_back();
     sample.device_ns = reader.Take<int64_t>();
     sample.host_monotonic_ns = reader.Take<int64_t>();
     sample.host_utc_ns = reader.Take<int64_t>();
     sample.uncertainty_ns = reader.Take<uint32_t>();
+  }
+  for (uint16_t i = 0; has_lights && i < samples; ++i) {
+    row->clock_samples[i].light = reader.Take<uint32_t>();
+    row->clock_samples[i].light_ns = reader.Take<int64_t>();
   }
   return reader.complete();
 }

@@ -54,8 +54,14 @@ ImagePatch Around(std::span<const SphereImage> images, const ImageSize& size) {
 
 bool BlinkingLed::IsLit(double time_s) const {
   if (hz <= 0) return true;
-  const double turns = hz * time_s + phase;
-  return turns - std::floor(turns) < duty;
+  const double turns = hz * time_s + phase, cycle = std::floor(turns);
+  const auto [rise, fall] = TurnsOf(cycle);
+  return turns >= cycle + rise && turns < cycle + fall;
+}
+
+std::pair<double, double> BlinkingLed::TurnsOf(double cycle) const {
+  const double edge = code.EdgeAt(clock_rate * cycle / hz);
+  return {edge, duty - edge};
 }
 
 void BlinkingLed::StepsOf(double begin_us, double duration_us,
@@ -73,7 +79,8 @@ void BlinkingLed::StepsOf(double begin_us, double duration_us,
     for (double cycle = std::floor(turns);; ++cycle) {
       const double on_us = (cycle - turns) * period_us;
       if (on_us >= duration_us) break;
-      for (const double cut : {on_us, on_us + duty * period_us}) {
+      const auto [rise, fall] = TurnsOf(cycle);
+      for (const double cut : {on_us, on_us + rise * period_us, on_us + fall * period_us}) {
         if (cut < duration_us - kShortestStepUs) cut_at(cut);
       }
     }
@@ -92,7 +99,9 @@ EventSpheres::EventSpheres(SphereImager imager, const EdgeProfile& profile, cons
     marker.position_m = target.marker_positions_m[i];
     marker.led = {.hz = BlinkHz(target, scene, i) * (1 + 1e-6 * scene.blink_drift_ppm),
                   .duty = scene.blink_duty,
-                  .phase = led_phase};
+                  .phase = led_phase,
+                  .code = SentCodeOf(scene, target, i),
+                  .clock_rate = 1 + 1e-6 * scene.blink_drift_ppm};
   }
 }
 

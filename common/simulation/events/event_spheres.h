@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -13,6 +14,7 @@
 #include "common/simulation/frames/edge_profile.h"
 #include "common/simulation/frames/frame_render_options.h"
 #include "common/simulation/frames/scene_ground_truth.h"
+#include "common/simulation/frames/sent_code.h"
 #include "common/simulation/frames/sphere_image.h"
 #include "common/simulation/world/simulated_world.h"
 #include "common/target/target.h"
@@ -30,8 +32,12 @@ struct BlinkingLed {
   double hz = 0;     // 0: it shines all the time
   double duty = 1;   // (0, 1]
   double phase = 0;  // where in its period it is at time 0, 0 to 1
+  SentCode code;
+  double clock_rate = 1;  // of the wand's clock, which `hz` has in it
 
   bool IsLit(double time_s) const;
+  // Where in its period of that number it rises and falls.
+  std::pair<double, double> TurnsOf(double cycle) const;
   // A stretch from switch to switch; replaces `steps`, which are never none.
   void StepsOf(double begin_us, double duration_us, std::vector<LightStep>* steps) const;
 };

@@ -28,7 +28,7 @@ std::vector<ExposurePart> PlanExposure(double exposure_s, const BlinkTiming& bli
                                        double longest_part_s) {
   std::vector<ExposurePart> parts;
   const double begin_s = -0.5 * exposure_s, end_s = 0.5 * exposure_s;
-  if (!(blink.hz > 0) || blink.duty >= 1) {
+  if (!(blink.hz > 0) || (blink.duty >= 1 && blink.code.code == nullptr)) {
     AddPiece(begin_s, end_s, true, exposure_s, longest_part_s, &parts);
   } else {
     const double period_s = 1 / blink.hz;
@@ -37,10 +37,15 @@ std::vector<ExposurePart> PlanExposure(double exposure_s, const BlinkTiming& bli
     const double start_s = first * period_s - blink.phase_s;
     const int periods = static_cast<int>(std::ceil(exposure_s * blink.hz)) + 2;
     for (int k = 0; k < periods; ++k) {
-      const double on_s = start_s + k * period_s, off_s = on_s + blink.duty * period_s;
+      const double begin_of_period_s = start_s + k * period_s;
+      const double edge_s = period_s * blink.code.EdgeAt(begin_of_period_s + blink.phase_s);
+      const double on_s = begin_of_period_s + edge_s;
+      const double off_s = begin_of_period_s + blink.duty * period_s - edge_s;
       const auto within = [&](double t) { return std::clamp(t, begin_s, end_s); };
+      AddPiece(within(begin_of_period_s), within(on_s), false, exposure_s, longest_part_s, &parts);
       AddPiece(within(on_s), within(off_s), true, exposure_s, longest_part_s, &parts);
-      AddPiece(within(off_s), within(on_s + period_s), false, exposure_s, longest_part_s, &parts);
+      AddPiece(within(off_s), within(begin_of_period_s + period_s), false, exposure_s,
+               longest_part_s, &parts);
     }
   }
   if (exposure_s > longest_part_s) return parts;

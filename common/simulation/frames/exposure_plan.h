@@ -3,6 +3,8 @@
 
 #include <vector>
 
+#include "common/simulation/frames/sent_code.h"
+
 namespace rigcal {
 
 // A short part of an exposure in which a sphere hardly moves.
@@ -17,6 +19,7 @@ struct BlinkTiming {
   double duty = 0.5;
   double phase_s = 0;  // time on the LED's oscillator at mid exposure; on during [0, duty) of each
                        // period
+  SentCode code;       // by the same oscillator
 };
 
 // Cuts an exposure at each switching of the LED, then so fine that no part is longer than

@@ -17,6 +17,9 @@ void AddOptions(FrameRenderOptions* options, OptionTable* table) {
              "if the target does not say; 0: lit all the time");
   table->Add("blink_duty", &o.blink_duty, {0.001, 1}, "share of a period in which the LED is lit");
   table->Add("blink_drift", &o.blink_drift_ppm, {-1e5, 1e5}, "of the LED's oscillator, ppm");
+  table->Add("light_code", &o.light_code, {0, 8},
+             "number of the wand in its light code; 0: it sends none");
+  table->Add("wand_on", &o.wand_on_s, {0, 1e5, "s"}, "for how long the wand was on at the start");
   table->Add("limb", &o.limb, {0, 1}, "how much darker a sphere is at its rim");
   table->Add("led_gradient", &o.led_gradient, {0, 1},
              "change of a sphere's light from its middle to its rim, along the wand");

@@ -31,12 +31,16 @@ struct FrameRenderOptions {
   double blink_hz = 500;  // where the target says none; 0: lit all the time
   double blink_duty = 0.5;
   double blink_drift_ppm = 0;  // of the LED's oscillator against the rig time (world only)
-  bool auto_gain = false;      // no more than 200 grey in red on an unclouded sphere
-  double limb = 0.1;           // how much darker a sphere is at its rim than in its middle
-  double led_gradient = 0;     // relative change of a sphere's light from its middle along the wand
-  double led_uneven = 0;       // spheres differ in brightness by up to this share, either way
-  double rod_m = 0;   // diameter of the stick between the spheres, and of its handle; 0: none
-  bool held = false;  // by a hand in a sleeve, at the handle
+  // Number of the wand that the light code of the middle sphere says (light_code.h); 0: none. The
+  // wand had been on for `wand_on_s` at rig time 0 (world only).
+  int light_code = 0;
+  double wand_on_s = 0;
+  bool auto_gain = false;   // no more than 200 grey in red on an unclouded sphere
+  double limb = 0.1;        // how much darker a sphere is at its rim than in its middle
+  double led_gradient = 0;  // relative change of a sphere's light from its middle along the wand
+  double led_uneven = 0;    // spheres differ in brightness by up to this share, either way
+  double rod_m = 0;         // diameter of the stick between the spheres, and of its handle; 0: none
+  bool held = false;        // by a hand in a sleeve, at the handle
 
   // Lens.
   double defocus_px = 0.6;     // one sigma of a Gaussian

@@ -87,7 +87,8 @@ void SceneRenderer::DrawSphere(const SceneFrame& frame, size_t marker, const Sph
   // A sphere that stands still is drawn once.
   const double steps =
       travel_px < 0.02 ? 1 : std::clamp(travel_px / kLongestStepPx, 2.0, kMostSteps);
-  BlinkTiming blink{BlinkHz(target_, options_, marker), options_.blink_duty, 0};
+  BlinkTiming blink{BlinkHz(target_, options_, marker), options_.blink_duty, 0,
+                    SentCodeOf(options_, target_, marker)};
   RandomStream random{options_.seed, kFramePurpose, frame.seed, 1, marker};
   if (blink.hz > 0) blink.phase_s = frame.led_time_s.value_or(random.Uniform() / blink.hz);
   const RowTiming timing{1e-6 * options_.line_delay_us, MiddleRow(), [&](double delay_s) {

@@ -39,7 +39,7 @@ void AddOptions(SimulationOptions* options, OptionTable* table) {
   table->Add("free_running", &o.free_running, "each camera has a phase of its own");
   table->Add("clock_samples", &o.clock_samples,
              "clocks have origins of their own, aligned by clock samples only");
-  table->Add("offset", &o.time_offset_s, {-3600, 3600, "s"}, "time offset of camera N");
+  table->Add("offset", &o.time_offset_s, {-1e5, 1e5, "s"}, "time offset of camera N");
   table->Add("rate_ppm", &o.time_rate_ppm, {-10000, 10000}, "clock rate error of camera N, ppm");
   table->Add("line_delay", &o.line_delay_s, {-1e-3, 1e-3, "s"},
              "time between two image rows of camera N, a rolling shutter");

@@ -235,6 +235,20 @@ ClockGroups Within(double most_s, const ClockGroups& groups) {
   return kept;
 }
 
+// Clocks of one session that the light code of one wand relates (AlignedTrack::wand).
+void JoinByLight(const RigObservations& rig, ClockGroups* groups) {
+  for (size_t a = 0; a < rig.tracks.size(); ++a) {
+    for (size_t b = a + 1; b < rig.tracks.size(); ++b) {
+      const AlignedTrack &one = rig.tracks[a], &other = rig.tracks[b];
+      const int clock_a = rig.index.clock_of_track[a], clock_b = rig.index.clock_of_track[b];
+      if (one.wand != 0 && one.wand == other.wand &&
+          one.track.session_id == other.track.session_id && !groups->Joined(clock_a, clock_b)) {
+        groups->Join(clock_a, clock_b, 0);
+      }
+    }
+  }
+}
+
 // Clocks of one session are not all joined.
 bool AnyApart(const RigObservations& rig, const ClockGroups& groups) {
   for (size_t a = 0; a < rig.tracks.size(); ++a) {
@@ -294,7 +308,11 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
       JoinPairs(rig, paths, nearby, Reach::kNearby, Part(hooks, 0, 0.2), &groups));
   TimeSearchOutcome found;
   bool stamps_mislead = false;
-  if (!hooks.only_nearby) {
+  ClockGroups by_light(clocks->size());
+  JoinByLight(rig, &by_light);
+  JoinByLight(rig, &groups);
+  // What the wand says needs no search, and no motion decides against it.
+  if (!hooks.only_nearby && AnyApart(rig, by_light)) {
     // Clocks of one session, one of which could be another period off.
     if (AnyApart(rig, ClockGroups(clocks->size()))) found.period_s = PeriodOfMotion(paths);
     if (found.period_s > 0) groups = Within(kDecidedPeriods * found.period_s, groups);

@@ -40,6 +40,7 @@ struct TimeSearchOutcome {
 // agrees only offsets nearby are tried, and clocks that agree to an eighth of a period stay exactly
 // as they are. Clocks that are farther apart are found by their motion, wherever the recordings
 // overlap (start_search.h); where that finds nothing, offsets of up to 1 s are tried one by one.
+// Clocks that a wand's light code relates are nearby, and are not searched elsewhere.
 // The reference camera's clock keeps its correction. A clock without an accepted offset stays too.
 // `outcome`, if not null: what was found and what could not be decided. CANCELLED.
 absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,

@@ -153,6 +153,14 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
     case FindingKind::kRowsCopied:
       if (!camera) return warning("");
       return {FindingSeverity::kError, absl::StrCat(who, " has the same rows as another camera")};
+    case FindingKind::kLightCodeContradicts:
+      return warning(
+          absl::StrCat(who, ": its readings of the wand's light code contradict others"));
+    case FindingKind::kOtherWandSeen:
+      return warning(absl::StrCat(who, " has seen another wand than most cameras"));
+    case FindingKind::kLampFlickerContradicts:
+      return warning(absl::StrCat(who, ": the flicker of the lamps contradicts its clock"));
+    case FindingKind::kWandClockWrong:
     case FindingKind::kRowsRepeated:
     case FindingKind::kMarkersAtOrigin:
     case FindingKind::kClockSteps:
@@ -217,10 +225,9 @@ void EvaluatePrediction(const PredictedError& predicted, double unit_mm, const s
       why = absl::StrFormat("of 4 parts of the recording only %d could be solved by themselves",
                             predicted.fold_count);
     }
-    grade_builder->Add(
-        QualityGrade::kBad,
-        absl::StrCat("too little data to say how accurate it is (", why,
-                     "): record longer, and turn the wand"));
+    grade_builder->Add(QualityGrade::kBad,
+                       absl::StrCat("too little data to say how accurate it is (", why,
+                                    "): record longer, and turn the wand"));
     return;
   }
   const QualityLimit limit = {kQualityLimits.predicted_error.good * predicted.accepted_m,

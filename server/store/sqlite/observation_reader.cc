@@ -85,6 +85,19 @@ void LoadClockReadings(SQLite::Database& database, int64_t stream_id, ReadingsBy
          .host_utc_ns = samples.getColumn(4).getInt64(),
          .uncertainty_ns = ColumnUint32(samples, 5)});
   }
+  SQLite::Statement lights = Query(
+      database,
+      "SELECT clock_epoch, late, device_ns, light, light_ns, uncertainty_ns FROM light_sample "
+      "WHERE stream_id=? AND plausible ORDER BY clock_epoch, device_ns, light, light_ns, "
+      "uncertainty_ns",
+      stream_id);
+  while (lights.executeStep()) {
+    (*readings)[{ColumnUint32(lights, 0), lights.getColumn(1).getInt() != 0}].samples.push_back(
+        {.device_ns = lights.getColumn(2).getInt64(),
+         .uncertainty_ns = ColumnUint32(lights, 5),
+         .light = ColumnUint32(lights, 3),
+         .light_ns = lights.getColumn(4).getInt64()});
+  }
   SQLite::Statement alignments =
       Query(database,
             "SELECT clock_epoch, late, host_monotonic_ns, server_minus_host_ns, uncertainty_ns "

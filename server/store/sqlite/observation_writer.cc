@@ -18,7 +18,9 @@ constexpr int64_t kMaxPlausibleNs = int64_t{1} << 62;
 bool IsPlausible(const ClockSample& sample) {
   const auto plausible = [](int64_t time_ns) { return time_ns >= 0 && time_ns <= kMaxPlausibleNs; };
   return plausible(sample.device_ns) && plausible(sample.host_monotonic_ns) &&
-         plausible(sample.host_utc_ns);
+         plausible(sample.host_utc_ns) && plausible(sample.light_ns) &&
+         (sample.IsOfHost() || sample.IsOfWand() ||
+          (sample.light == kLamps && sample.light_ns > 0));
 }
 
 bool IsPlausible(const HostAlignment& alignment) {
@@ -105,6 +107,7 @@ ObservationWriter::ObservationWriter(SQLite::Database& database)
       insert_dropped_(
           database, "INSERT INTO dropped(stream_id, first_seq, seq_count, reason) VALUES(?,?,?,?)"),
       insert_clock_sample_(database, "INSERT OR IGNORE INTO clock_sample VALUES(?,?,?,?,?,?,?,?)"),
+      insert_light_sample_(database, "INSERT OR IGNORE INTO light_sample VALUES(?,?,?,?,?,?,?,?)"),
       insert_host_alignment_(database,
                              "INSERT OR IGNORE INTO host_alignment VALUES(?,?,?,?,?,?,?)"),
       delete_report_(database, "DELETE FROM report_refusal WHERE stream_id=?"),
@@ -226,10 +229,17 @@ void ObservationWriter::AppendClockReadings(const Delivery& delivery, StreamStat
     if (inserted == 0 || plausible) return;
     counts_.AddRefusal(state->camera_id, RefusalReason::kImplausibleClockSample, 1,
                        delivery.stream().stream_epoch, 0,
-                       "a clock sample is negative or beyond 2^62 ns");
+                       "a clock sample is negative, beyond 2^62 ns, or of an unknown light");
   };
   for (const ClockSample& sample : batch.clock_samples) {
     const bool plausible = IsPlausible(sample);
+    if (!sample.IsOfHost()) {
+      refuse_if_new(Execute(insert_light_sample_, state->stream_id, batch.clock_epoch,
+                            sample.device_ns, sample.light, sample.light_ns, sample.uncertainty_ns,
+                            state->session_finished, plausible),
+                    plausible);
+      continue;
+    }
     refuse_if_new(Execute(insert_clock_sample_, state->stream_id, batch.clock_epoch,
                           sample.host_monotonic_ns, sample.device_ns, sample.host_utc_ns,
                           sample.uncertainty_ns, state->session_finished, plausible),

@@ -94,6 +94,7 @@ class ObservationWriter {
   SQLite::Statement insert_batch_;
   SQLite::Statement insert_dropped_;
   SQLite::Statement insert_clock_sample_;
+  SQLite::Statement insert_light_sample_;
   SQLite::Statement insert_host_alignment_;
   SQLite::Statement delete_report_;
   SQLite::Statement insert_report_;

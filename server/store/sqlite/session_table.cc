@@ -105,11 +105,13 @@ void EraseStreamRows(SQLite::Database& database, int64_t session_number) {
   SQLite::Statement erase_batches(
       database, "DELETE FROM batch WHERE id BETWEEN ?1<<32 AND (?1<<32)+0xffffffff");
   SQLite::Statement erase_samples(database, "DELETE FROM clock_sample WHERE stream_id=?");
+  SQLite::Statement erase_lights(database, "DELETE FROM light_sample WHERE stream_id=?");
   SQLite::Statement erase_alignments(database, "DELETE FROM host_alignment WHERE stream_id=?");
   while (streams.executeStep()) {
     const int64_t stream = streams.getColumn(0).getInt64();
     Execute(erase_batches, stream);
     Execute(erase_samples, stream);
+    Execute(erase_lights, stream);
     Execute(erase_alignments, stream);
   }
 }

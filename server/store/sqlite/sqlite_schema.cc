@@ -20,6 +20,8 @@ namespace {
 constexpr int32_t kApplicationId = 0x52674331;  // "RgC1"
 constexpr int32_t kOldestVersion = 3;           // that can be brought up to date
 constexpr int32_t kVersionWithSummaries = 4;
+constexpr int32_t kVersionWithActivations = 5;
+constexpr int32_t kVersionWithLights = 6;
 
 // Positions and counts are rows of their own, so that reading them scans nothing.
 //
@@ -167,6 +169,21 @@ CREATE TABLE damaged_batch(
 CREATE INDEX damaged_batch_of_camera ON damaged_batch(camera_id);
 )sql";
 
+// What version 6 has added: clock samples of lights (ClockSample::light).
+constexpr char kTablesOfVersion6[] = R"sql(
+CREATE TABLE light_sample(
+  stream_id INTEGER NOT NULL REFERENCES stream(id) ON DELETE CASCADE,
+  clock_epoch INTEGER NOT NULL,
+  device_ns INTEGER NOT NULL,
+  light INTEGER NOT NULL,
+  light_ns INTEGER NOT NULL,
+  uncertainty_ns INTEGER NOT NULL,
+  late INTEGER NOT NULL,
+  plausible INTEGER NOT NULL,
+  PRIMARY KEY(stream_id, clock_epoch, device_ns, light, light_ns, uncertainty_ns)
+) WITHOUT ROWID;
+)sql";
+
 std::string RandomId() {
   std::random_device device;
   return absl::StrFormat("%08x%08x%08x%08x", device(), device(), device(), device());
@@ -180,7 +197,8 @@ int32_t ReadPragma(SQLite::Database& database, const char* pragma) {
 void CreateTablesOf(SQLite::Database& database, int32_t version) {
   database.exec(kTables);
   if (version >= kVersionWithSummaries) database.exec(kTablesOfVersion4);
-  if (version > kVersionWithSummaries) database.exec(kActivationTable);
+  if (version >= kVersionWithActivations) database.exec(kActivationTable);
+  if (version >= kVersionWithLights) database.exec(kTablesOfVersion6);
 }
 
 void CreateTables(SQLite::Database& database) {
@@ -230,14 +248,15 @@ absl::Status CheckNothingElse(SQLite::Database& database, const std::string& fil
   return absl::OkStatus();
 }
 
-// From 3 or 4.
+// From any older one that is read.
 void Migrate(SQLite::Database& database, int32_t version) {
   if (version < kVersionWithSummaries) {
     database.exec(kTablesOfVersion4);
     SummarizeSessions(database);
     SummarizeCalibrations(database);
   }
-  database.exec(kActivationTable);
+  if (version < kVersionWithActivations) database.exec(kActivationTable);
+  if (version < kVersionWithLights) database.exec(kTablesOfVersion6);
   database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
 }
 

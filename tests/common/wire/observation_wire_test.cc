@@ -45,6 +45,7 @@ ObservationBatch TwoRows() {
     batch.Append(observation);
   }
   batch.clock_samples.push_back({1, 2, 3, 4});
+  batch.clock_samples.push_back({.device_ns = 8, .light = 5, .light_ns = 9});
   batch.host_alignments.push_back({5, -6, 7});
   batch.dropped.push_back({40, 2, RefusalReason::kSpoolFreed});
   return batch;

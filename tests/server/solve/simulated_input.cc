@@ -65,7 +65,7 @@ RigObservations RigOf(const CalibrationInput& input, std::vector<ClockCorrection
   const auto target_of = [&rig](const std::string& session_id) -> const Target& {
     return rig.TargetOf(session_id);
   };
-  rig.tracks = AlignTracks(&rows, target_of, &refused);
+  rig.tracks = AlignTracks(&rows, target_of, &refused, nullptr);
   rig.index = IndexRig(rig.tracks, clocks);
   return rig;
 }

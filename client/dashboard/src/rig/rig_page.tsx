@@ -38,6 +38,7 @@ function CameraCard({ live, description, rig, stale, session }: {
       <div class="fact"><dt>clock</dt><dd>{description?.clock?.clock_id ?? missing}{description?.clock?.timebase ? `, ${description.clock.timebase}` : ''}{settings?.ptp ? ', PTP' : ''}</dd></div>
       <div class="fact"><dt>offset found</dt><dd>{clock?.time_offset_s === undefined ? missing : `${seconds(clock.time_offset_s)} ± ${seconds(clock.time_offset_sigma_s)}`}</dd></div>
       <div class="fact"><dt>sample spread</dt><dd>{seconds(clock?.sample_spread_s)}{epochs > 1 ? ` ▲ jumped ${epochs - 1}×` : ''}</dd></div>
+      {!!clock?.wand && <div class="fact"><dt>light code</dt><dd>✓ wand {clock.wand}, on for {span(clock.wand_time_s)}</dd></div>}
       {settings && <div class="fact"><dt>settings</dt><dd>{[settings.model, settings.exposure_s ? `exposure ${seconds(settings.exposure_s)}` : '',
         settings.gain_db ? `gain ${fixed(settings.gain_db, 1)} dB` : '', settings.frame_rate_hz ? `${fixed(settings.frame_rate_hz, 0)} Hz` : '',
         settings.trigger ? `trigger ${settings.trigger}` : ''].filter(Boolean).join(', ')}</dd></div>}

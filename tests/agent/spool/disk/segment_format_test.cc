@@ -46,7 +46,8 @@ TEST(SegmentFormat, GivesAnObservationBackAsFloats) {
   const ClockSample sample{
       .device_ns = 1, .host_monotonic_ns = 2, .host_utc_ns = 3, .uncertainty_ns = 4};
   std::string bytes;
-  EncodeRecord(12, observation, {sample, sample}, &bytes);
+  const ClockSample of_wand{.device_ns = 5, .uncertainty_ns = 6, .light = 7, .light_ns = 8};
+  EncodeRecord(12, observation, {of_wand, sample}, &bytes);
   const size_t size = bytes.size();
   bytes += "more";
   const auto record = RecordAtFront(bytes);
@@ -57,7 +58,13 @@ TEST(SegmentFormat, GivesAnObservationBackAsFloats) {
   EXPECT_FALSE(DecodePayload(record->payload, 2, &decoded));
   ASSERT_TRUE(DecodePayload(record->payload, 3, &decoded));
   ASSERT_EQ(decoded.clock_samples.size(), 2u);
+  EXPECT_EQ(decoded.clock_samples[0], of_wand);
   EXPECT_EQ(decoded.clock_samples[1], sample);
+  // A segment of before there were lights has nothing behind the samples.
+  std::string before(record->payload.substr(0, record->payload.size() - 2 * 12));
+  ASSERT_TRUE(DecodePayload(before, 3, &decoded));
+  EXPECT_EQ(decoded.clock_samples[1], sample);
+  EXPECT_TRUE(decoded.clock_samples[0].IsOfHost());
   // What the server gets is the same as without a disk in between.
   ObservationBatch direct, read;
   for (ObservationBatch* batch : {&direct, &read}) {

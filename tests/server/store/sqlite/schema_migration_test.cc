@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A database of version 3 or 4 is brought up to date without losing anything.
+// A database of version 3, 4 or 5 is brought up to date without losing anything.
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
@@ -26,17 +26,22 @@ using ::testing::HasSubstr;
 class SchemaMigration : public ::rigcal::testing::StoreFixture {
  protected:
   std::filesystem::path File() const { return folder() / "rigcal.db"; }
-  // What versions 4 and 5 have added is taken away again.
+  // What versions 4 to 6 have added is taken away again.
   void MakeVersion3() {
     SQLite::Database database(File().string(), SQLite::OPEN_READWRITE);
     database.exec(
-        "DROP TABLE activation; DROP TABLE session_summary; DROP TABLE calibration_summary; DROP TABLE damaged_batch; "
+        "DROP TABLE light_sample; DROP TABLE activation; DROP TABLE session_summary; DROP TABLE calibration_summary; DROP TABLE damaged_batch; "
         "PRAGMA user_version=3; PRAGMA auto_vacuum=NONE; VACUUM");
   }
-  // What version 5 has added is taken away again.
+  // What versions 5 and 6 have added is taken away again.
   void MakeVersion4() {
     SQLite::Database database(File().string(), SQLite::OPEN_READWRITE);
-    database.exec("DROP TABLE activation; PRAGMA user_version=4");
+    database.exec("DROP TABLE light_sample; DROP TABLE activation; PRAGMA user_version=4");
+  }
+  // What version 6 has added is taken away again.
+  void MakeVersion5() {
+    SQLite::Database database(File().string(), SQLite::OPEN_READWRITE);
+    database.exec("DROP TABLE light_sample; PRAGMA user_version=5");
   }
   int Version() {
     SQLite::Database database(File().string(), SQLite::OPEN_READONLY);
@@ -107,6 +112,30 @@ TEST_F(SchemaMigration, Version4GetsActivations) {
   ASSERT_THAT(store().AddActivation(activation), IsOk());
   ASSERT_OK_AND_ASSIGN(const DatabaseReport report, CheckDatabase(File(), [](double) {}));
   EXPECT_EQ(report.fault_count, 0u);
+}
+
+TEST_F(SchemaMigration, Version5GetsReadingsOfLights) {
+  ASSERT_THAT(store().CreateSession(CapturingSession({"a"})), IsOk());
+  ObservationBatch before = MakeBatch(KeyOf("a"), 1, 5);
+  before.clock_samples = {{.device_ns = 5, .host_monotonic_ns = 6, .host_utc_ns = 7}};
+  Append(before);
+  Close();
+  MakeVersion5();
+  ASSERT_EQ(Version(), 5);
+  Open();
+  EXPECT_EQ(Version(), static_cast<int>(kSchemaVersion));
+  ObservationBatch after = MakeBatch(KeyOf("a"), 6, 9);
+  after.clock_samples = {{.device_ns = 8, .uncertainty_ns = 9, .light = 3, .light_ns = 10}};
+  EXPECT_EQ(Append(after).stored_rows, 4u);
+  std::vector<ClockSample> samples;
+  const auto visit = [&](StoredBatch stored) {
+    for (const ClockSample& sample : stored.batch.clock_samples) samples.push_back(sample);
+    return absl::OkStatus();
+  };
+  ASSERT_THAT(store().ReadObservations("s-test", "a", visit), IsOk());
+  ASSERT_EQ(samples.size(), 2u);
+  EXPECT_EQ(samples[0], before.clock_samples[0]);
+  EXPECT_EQ(samples[1], after.clock_samples[0]);
 }
 
 TEST_F(SchemaMigration, ADamagedRecordStopsNothing) {

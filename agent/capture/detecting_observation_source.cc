@@ -273,6 +273,7 @@ void DetectingObservationSource::Warn(RefusalReason reason, const std::string& w
 std::vector<Refusal> DetectingObservationSource::Refused() const {
   RefusalCounter all = refused_;
   for (const Refusal& refusal : frames_->Refused()) all.Add(refusal);
+  light_code_.AddRefused(&all);
   return all.List();
 }
 

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "absl/strings/str_format.h"
+
 namespace rigcal::agent {
 namespace {
 
@@ -26,13 +28,14 @@ void LightCodeReader::Look(const std::string& camera, const Detection& detection
     Note(camera, reading);
     samples_.push_back(ToClockSample(reading));
   }
-  if (decoder_.state() != LightCodeState::kTooSlow || std::exchange(warned_of_frames_, true)) {
-    return;
-  }
-  spdlog::warn(
-      "camera {}: the wand's brightness changes as that of a light code does, and {:.3g} frames a "
-      "second are too few to read it: set {:.3g} frames a second or more",
-      camera, decoder_.frame_rate_hz(), LightCodeDecoder::kLeastRateHz);
+  if (decoder_.state() != LightCodeState::kTooSlow) return;
+  const std::string what = absl::StrFormat(
+      "the wand's brightness changes as that of a light code does, and %.3g frames a second are "
+      "too "
+      "few to read it: set %.3g frames a second or more",
+      decoder_.frame_rate_hz(), LightCodeDecoder::kLeastRateHz);
+  if (refused_.empty()) spdlog::warn("camera {}: {}", camera, what);
+  refused_.Add("", RefusalReason::kLightCodeTooFast, 1, what);
 }
 
 void LightCodeReader::Note(const std::string& camera, const LightCodeReading& reading) {

@@ -8,6 +8,7 @@
 
 #include "agent/detect/light_code/light_code_decoder.h"
 #include "agent/identify/detection.h"
+#include "common/status/refusal.h"
 #include "common/time/clock.h"
 
 namespace rigcal::agent {
@@ -20,6 +21,10 @@ class LightCodeReader {
   void Look(const std::string& camera, const Detection& detection);
   // What was read since the last call.
   std::vector<ClockSample> Take();
+  // Frames that showed a code too fast for the camera.
+  void AddRefused(RefusalCounter* refused) const {
+    for (const Refusal& refusal : refused_.List()) refused->Add(refusal);
+  }
   // A capture begins.
   void Clear() { *this = LightCodeReader(); }
 
@@ -30,7 +35,8 @@ class LightCodeReader {
   std::optional<uint32_t> clock_epoch_;
   std::vector<ClockSample> samples_;
   uint32_t wand_ = 0;  // read last
-  bool warned_of_rate_ = false, warned_of_frames_ = false;
+  bool warned_of_rate_ = false;
+  RefusalCounter refused_;
 };
 
 }  // namespace rigcal::agent

@@ -19,6 +19,8 @@ bool LosesViews(RefusalReason reason) {
     case RefusalReason::kDuplicateEqual:
     // Of a camera with more rows a second than the others.
     case RefusalReason::kNotNearestInInstant:
+    // The rows are used.
+    case RefusalReason::kLightCodeTooFast:
       return false;
     default:
       return true;

@@ -27,6 +27,7 @@ std::vector<Experiment> AllExperiments() {
           DetectionScore(),
           DetectionValueExperiment(),
           FitWandScore(),
+          LightCodeExperiment(),
           AmbientLight(),
           Boards(),
           EventDetection(),

@@ -16,5 +16,6 @@ Experiment EventDetection();
 Experiment EventDisturbances();
 Experiment EventLatency();
 Experiment FitWandScore();
+Experiment LightCodeExperiment();
 
 }  // namespace rigcal::accuracy

@@ -3,6 +3,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -30,6 +31,7 @@ absl::Status EventObservationSource::Start(const Target& target) {
   has_blob_ = warned_of_two_ = warned_of_band_ = warned_of_one_switch_ = false;
   losses_ = EventLossReport();
   light_code_.Clear();
+  lamp_samples_.clear();
   found_.clear();
   next_ = 0;
   if (!target.board.empty()) {
@@ -82,8 +84,10 @@ absl::Status EventObservationSource::Detect(const EventChunk& chunk) {
     detector_offset_ = chunk.byte_offset;
   }
   const size_t first_found = found_.size();
+  const uint32_t epoch = last_epoch_;
   detector_->Take(chunk.bytes, &found_);
   CountEpochs(first_found);
+  TakeLampReadings(/*is_one_epoch=*/last_epoch_ == epoch);
   // Now, while the source still knows the place of these bytes.
   for (const auto& [name, offset] : detector_->fault_places()) {
     if (first_faults_.contains(name)) continue;
@@ -107,6 +111,19 @@ void EventObservationSource::CountEpochs(size_t first_found) {
     last_epoch_ = found_[i].observation.clock_epoch;
   }
   WarnOfScene(first_found);
+}
+
+// A sample is of the epoch of the observation that it goes with; where a chunk has two, it is not
+// known which one that will be.
+void EventObservationSource::TakeLampReadings(bool is_one_epoch) {
+  for (const LampReading& reading : detector_->TakeLampReadings()) {
+    if (!is_one_epoch || reading.time_us < 0) continue;
+    lamp_samples_.push_back(
+        {.device_ns = 1000 * reading.time_us,
+         .uncertainty_ns = static_cast<uint32_t>(std::lround(1e3 * reading.sigma_us)),
+         .light = kLamps,
+         .light_ns = std::llround(1e3 * reading.period_us)});
+  }
 }
 
 void EventObservationSource::WarnOfScene(size_t first_found) {
@@ -190,6 +207,8 @@ std::vector<ClockSample> EventObservationSource::TakeClockSamples() {
   std::vector<ClockSample> samples = events_->TakeClockSamples();
   const std::vector<ClockSample> of_light = light_code_.Take();
   samples.insert(samples.end(), of_light.begin(), of_light.end());
+  samples.insert(samples.end(), lamp_samples_.begin(), lamp_samples_.end());
+  lamp_samples_.clear();
   return samples;
 }
 

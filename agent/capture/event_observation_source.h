@@ -46,6 +46,7 @@ class EventObservationSource : public ObservationSource {
   absl::Status Detect(const EventChunk& chunk);
   void FinishDetector();  // keeps its counts
   void CountEpochs(size_t first_found);
+  void TakeLampReadings(bool is_one_epoch);
   // Once each: two wands in view, nothing that blinks so.
   void WarnOfScene(size_t first_found);
   void WarnOfRivals();
@@ -73,6 +74,7 @@ class EventObservationSource : public ObservationSource {
   bool warned_of_one_switch_ = false;
   EventLossReport losses_;
   LightCodeReader light_code_;
+  std::vector<ClockSample> lamp_samples_;
 };
 
 }  // namespace rigcal::agent

@@ -35,6 +35,7 @@
 #include "server/solve/headline.h"
 #include "server/solve/input_checks.h"
 #include "server/solve/kept_frame.h"
+#include "server/solve/lamp_readings.h"
 #include "server/solve/misfit_causes.h"
 #include "server/solve/solve_and_report.h"
 #include "server/solve/spoiling_camera.h"
@@ -257,6 +258,8 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     RIGCAL_RETURN_IF_ERROR(Refine(rig, options, *input.parent, counts, *refused, &*solved));
     *refused = std::move(solved->refused);
     AddFindings(of_stamps, &*solved);
+    AddFindings(FindLampContradictions(LampPhasesOf(input.tracks, rig, solved->evaluated)),
+                &*solved);
     NoteUnused(rig, counts, *refused, &*solved);
     if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
     return Finish(rig, options, input.parent, &*solved);
@@ -305,6 +308,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
         ChooseLenses(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
     AddFindings(std::move(chosen), &*solved);
   }
+  AddFindings(FindLampContradictions(LampPhasesOf(input.tracks, rig, solved->evaluated)), &*solved);
   *refused = std::move(solved->refused);
   NoteUnused(rig, counts, *refused, &*solved);
   if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);

@@ -169,6 +169,10 @@ void BlinkWandDetector::Finish(std::vector<Detection>* found) {
   impl_->timeline.Finish(last_us, found);
 }
 
+std::vector<LampReading> BlinkWandDetector::TakeLampReadings() {
+  return impl_->timeline.TakeLampReadings();
+}
+
 const EventFaults& BlinkWandDetector::faults() const {
   return std::visit([](const auto& decoder) -> const EventFaults& { return decoder.faults(); },
                     impl_->decoder);

@@ -7,6 +7,7 @@
 
 #include "agent/detect/event/blink_filter.h"
 #include "agent/detect/event/blink_wand_counts.h"
+#include "agent/detect/event/lamp_flicker.h"
 #include "agent/detect/event/output_schedule.h"
 #include "agent/event/fault_locator.h"
 #include "agent/identify/detection.h"
@@ -49,6 +50,10 @@ class BlinkWandDetector {
   void Take(std::span<const uint8_t> bytes, std::vector<Detection>* found);
   // The stream has ended: appends what is still held back.
   void Finish(std::vector<Detection>* found);
+
+  // When lamps flickered, in the order of the stream; those that were not taken before. Within a
+  // clock epoch: a step back, or a silence of some blinks, begins anew.
+  std::vector<LampReading> TakeLampReadings();
 
   const EventFaults& faults() const;
   // Of the first fault of each kind, counted from the first byte taken.

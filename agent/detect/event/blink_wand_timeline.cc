@@ -58,6 +58,7 @@ BlinkWandTimeline::BlinkWandTimeline(BlinkFilter filter, BlinkWandVerifier verif
       answers_(period_us_),
       recorder_(filter_.geometry()),
       flashes_(filter_.geometry(), filter_.min_blob_pixels()),
+      lamps_(filter_.geometry()),
       records_every_burst_(AsksForEveryBurst(output, period_us_)) {}
 
 void BlinkWandTimeline::Begin(int64_t time_us) {
@@ -65,6 +66,7 @@ void BlinkWandTimeline::Begin(int64_t time_us) {
   next_look_us_ = time_us + kLookUs;
   reached_us_ = time_us;
   next_sweep_us_ = time_us + sweep_us_;
+  lamps_.Restart(time_us);
   schedule_.Start(time_us);
 }
 
@@ -113,6 +115,7 @@ uint32_t BlinkWandTimeline::StepBack(int64_t time_us) {
 
 void BlinkWandTimeline::Forget(int64_t time_us) {
   gaps_.Restart();
+  lamps_.Restart(time_us);
   lights_.Clear();
   verifier_.ForgetTrack();
   recorder_.Clear();

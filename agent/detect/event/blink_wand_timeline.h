@@ -10,6 +10,7 @@
 #include "agent/detect/event/blink_detections.h"
 #include "agent/detect/event/blink_filter.h"
 #include "agent/detect/event/flash_measurer.h"
+#include "agent/detect/event/lamp_flicker.h"
 #include "agent/event/event_gaps.h"
 
 namespace rigcal::agent {
@@ -60,6 +61,7 @@ class BlinkWandTimeline {
   }
 
   const BlinkWandCounts& counts() const { return counts_; }
+  std::vector<LampReading> TakeLampReadings() { return lamps_.TakeReadings(); }
 
  private:
   // All pixels, which takes as long as many events; while the clock jumps all the time it is put
@@ -74,6 +76,7 @@ class BlinkWandTimeline {
   void FeedWhole(std::span<const PackedEvent> events) {
     is_clear_ = false;
     counts_.events += events.size();
+    lamps_.Take(events);
     filter_.Events(events);
     if (trial_) trial_->filter.Events(events);
     recorder_.Take(events);
@@ -113,6 +116,7 @@ class BlinkWandTimeline {
   BlinkLights lights_;
   FlashRecorder recorder_;
   FlashMeasurer flashes_;
+  LampFlicker lamps_;
   std::vector<BlinkBlob> blobs_;
   const bool records_every_burst_;  // when detections are asked for is not known in advance
 

@@ -17,6 +17,7 @@ constexpr float kEdgeLight = 1e-3f;
 constexpr double kClutterPartPx = 0.35;
 constexpr double kPartTurns = 1.0 / 16;
 constexpr double kMaxParts = 40;
+constexpr double kMainsPhases = 3;
 
 int Parts(double wanted) { return static_cast<int>(std::ceil(std::clamp(wanted, 1.0, kMaxParts))); }
 
@@ -79,7 +80,7 @@ EventClutter::Lamp EventClutter::DrawLamp(const EventRenderOptions& options, flo
   const double x = draw->Uniform(0, size_.width), y = draw->Uniform(0, size_.height);
   Lamp lamp;
   lamp.hz = options.lamp_hz;
-  lamp.phase = draw->Uniform();
+  lamp.phase = std::floor(kMainsPhases * draw->Uniform()) / kMainsPhases;
   lamp.light = light;
   lamp.modulation = static_cast<float>(options.lamp_modulation);
   const double reach = options.lamp_radius_px + profile_.reach_px() + 1;

@@ -39,7 +39,8 @@ struct EventRenderOptions {
   double row_ns = 50;   // of a row
   double event_ns = 1;  // of each of its events
 
-  // Clutter: bars that cross the image and lamps.
+  // Clutter: bars that cross the image, and lamps, each on one of three phases of the mains: those
+  // of one frequency are whole thirds of a period apart, in the view of every camera.
   double bars = 2;            // rectangles with two long edges
   double bar_px = 300;        // length of each edge
   double bar_px_s = 300;      // across the edges

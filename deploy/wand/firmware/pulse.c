@@ -4,12 +4,12 @@
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
+#include "compare_low.h"
 #include "pins.h"
 
 #define TICKS_PER_S (F_CPU / 64)
 #define FIRST_SWITCH 100  // ticks from the start to the first pulse
 #define TOGGLE (_BV(COM1A0) | _BV(COM1B0))
-#define CLEAR (_BV(COM1A1) | _BV(COM1B1))
 
 static volatile uint16_t high, low;  // ticks
 
@@ -33,11 +33,11 @@ void pulse_start(uint16_t hz, uint16_t width_us) {
   const uint16_t period = (uint16_t)((TICKS_PER_S + hz / 2) / hz);
   high = (uint16_t)((width_us * (TICKS_PER_S / 1000) + 500) / 1000);
   low = period - high;
-  TCCR1A = CLEAR;
-  TCCR1C = _BV(FOC1A) | _BV(FOC1B);  // the units may remember a pulse
-  TCCR1A = TOGGLE;
+  compare_1_make_low();  // the units may remember a pulse
   TCNT1 = 0;
   OCR1A = OCR1B = FIRST_SWITCH;
+  TCCR1A = TOGGLE;
+  PULSE_DDR |= PULSE_BITS;
   TIFR1 = _BV(OCF1A);
   TIMSK1 = _BV(OCIE1A);
   TCCR1B = _BV(CS11) | _BV(CS10);

@@ -22,7 +22,7 @@ static void use_settings(void) {
   if (battery_state() == BATTERY_EMPTY) {
     blink_stop();
   } else {
-    blink_start(wand_settings.hz, wand_settings.duty_pct);
+    blink_start(wand_settings.hz, wand_settings.duty_pct, wand_settings.code);
   }
 }
 

@@ -3,9 +3,10 @@
 
 #include <string.h>
 
+#include "light_code.h"
 #include "stored_block.h"
 
-enum { LAYOUT = 1, HZ_CHOICES = 3, BRIGHTNESS_CHOICES = 3 };
+enum { LAYOUT = 2, HZ_CHOICES = 3, BRIGHTNESS_CHOICES = 3 };
 
 // One frequency for all; three, by which event cameras tell the spheres apart; slow, for event
 // cameras with a long refractory period.
@@ -19,6 +20,7 @@ void wand_settings_reset(void) {
   memcpy(wand_settings.hz, hz_choices[0], sizeof(wand_settings.hz));
   wand_settings.duty_pct = 50;
   wand_settings.brightness_pct = brightness_choices[0];
+  wand_settings.code = LIGHT_CODE_OFF;
   wand_settings.low_mv = 3500;
 }
 

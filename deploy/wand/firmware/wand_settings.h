@@ -11,6 +11,7 @@ struct wand_settings {
   uint16_t hz[BLINK_LEDS];  // blink frequencies
   uint8_t duty_pct;         // share of a period in which an LED is lit
   uint8_t brightness_pct;
+  uint8_t code;     // number of the light code (light_code.h), which needs a duty of 40 to 80 %
   uint16_t low_mv;  // the battery is low below this; 0: its voltage is not looked at
 };
 

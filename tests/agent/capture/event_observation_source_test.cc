@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "agent/capture/recorded/raw_event_source.h"
 #include "agent/capture/registry/source_registry.h"
 #include "tests/testing/blinking_wand.h"
@@ -237,6 +238,36 @@ TEST_F(EventObservationSourceTest, NamesTheBandThatLeavesLampsOut) {
   EXPECT_THAT(log.text(), ContainsRegex("camera sim_1: lights of about 48[0-9] Hz"));
   EXPECT_THAT(log.text(), ContainsRegex("Add band=0.0(18|19|2|20|21|22) "));
   EXPECT_EQ(log.text().find("more than one wand"), std::string::npos) << log.text();
+}
+
+// Two cameras of one room, of which one clock is 3.7 ms behind the other.
+TEST_F(EventObservationSourceTest, TellsWhenLampsFlicker) {
+  std::vector<std::vector<ClockSample>> lamps;
+  for (const char* const camera : {"0", "1"}) {
+    const auto spec = ParseSourceSpec(absl::StrCat("sim:camera=", camera,
+                                                   ";events=1;duration=2.1;cameras=2;lux=300;"
+                                                   "lamps=1;offset.1=0.0037;speed=max"));
+    ASSERT_THAT(spec, IsOk());
+    auto source = (*spec)->Create();
+    ASSERT_THAT(source, IsOk());
+    ASSERT_THAT((*source)->Start(*ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500")), IsOk());
+    lamps.emplace_back();
+    while (true) {
+      const auto next = (*source)->Next();
+      ASSERT_THAT(next, IsOk());
+      if (!*next) break;
+      for (const ClockSample& sample : (*source)->TakeClockSamples()) {
+        if (sample.light == kLamps) lamps.back().push_back(sample);
+      }
+    }
+    ASSERT_EQ(lamps.back().size(), 1u);  // the first second has none before it
+  }
+  const ClockSample &right = lamps[0][0], &behind = lamps[1][0];
+  EXPECT_NEAR(static_cast<double>(right.light_ns), 1e7, 5e3);
+  EXPECT_GT(right.uncertainty_ns, 0u);
+  const double wrong_ns =
+      std::remainder(static_cast<double>(behind.device_ns - right.device_ns) + 3.7e6, 1e7 / 3);
+  EXPECT_NEAR(wrong_ns, 0, 1e5);
 }
 
 TEST_F(EventObservationSourceTest, LongTimesOfTheSensorDoNotMatter) {

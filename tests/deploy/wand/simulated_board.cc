@@ -8,6 +8,7 @@
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
+#include <simavr/sim_cycle_timers.h>
 #include <simavr/sim_hex.h>
 
 #include <array>
@@ -20,19 +21,23 @@ constexpr uint32_t kClockHz = 16'000'000;
 constexpr uint32_t kSupplyMv = 5000;
 constexpr uint32_t kButtonBit = 2;
 constexpr uint32_t kEepromBytes = 1024;
+constexpr double kTwiceS = 2.5 / kClockHz;  // two switches of a pin that are one
 
 struct PinPlace {
   char port;
   int bit;
+  bool toggles;  // on the matches of a compare unit
 };
-constexpr std::array<PinPlace, 5> kPins = {PinPlace{'D', 3}, PinPlace{'D', 6}, PinPlace{'B', 1},
-                                           PinPlace{'B', 2}, PinPlace{'B', 5}};
+constexpr std::array<PinPlace, 5> kPins = {PinPlace{'D', 3, true}, PinPlace{'D', 6, false},
+                                           PinPlace{'B', 1, true}, PinPlace{'B', 2, true},
+                                           PinPlace{'B', 5, false}};
 
 }  // namespace
 
 struct SimulatedBoard::Simulation {
   struct Pin {
     Simulation* owner = nullptr;
+    PinPlace place{};
     PinTrace changes;
   };
 
@@ -47,14 +52,36 @@ struct SimulatedBoard::Simulation {
   }
   double TimeS() const { return static_cast<double>(avr->cycle) / kClockHz; }
 
-  // simavr reports a pin several times within one cycle; the last level is the one that it has.
+  // An input drives nothing, whatever a compare unit of simavr says. Of other pins simavr does not
+  // tell when they become outputs.
+  bool IsOutput(const PinPlace& place) const {
+    if (!place.toggles) return true;
+    avr_ioport_state_t state{};
+    avr_ioctl(avr, static_cast<uint32_t>(AVR_IOCTL_IOPORT_GETSTATE(place.port)), &state);
+    return (state.ddr >> place.bit & 1) != 0;
+  }
+  // The pin has the level of its last change again.
+  static avr_cycle_count_t TakeBack(avr_t*, avr_cycle_count_t, void* user) {
+    const auto* const pin = static_cast<const Pin*>(user);
+    avr_raise_irq(pin->owner->Port(pin->place.port, static_cast<uint32_t>(pin->place.bit)),
+                  AVR_IOPORT_OUTPUT | (pin->changes.back().high ? 1 : 0));
+    return 0;
+  }
+  // simavr reports a pin several times within one cycle; the last level is the one that it has. It
+  // counts a match twice if the program writes to the timer's other compare register in that very
+  // cycle: no firmware here switches a pin so fast, so the second one is taken back.
   static void OnPin(avr_irq_t*, uint32_t value, void* user) {
     auto* const pin = static_cast<Pin*>(user);
-    const PinChange now{pin->owner->TimeS(), (value & 1) != 0};
+    const PinChange now{pin->owner->TimeS(), (value & 1) != 0 && pin->owner->IsOutput(pin->place)};
     PinTrace& changes = pin->changes;
     if (!changes.empty() && changes.back().time_s == now.time_s) changes.pop_back();
     const bool was_high = !changes.empty() && changes.back().high;
-    if (now.high != was_high) changes.push_back(now);
+    if (now.high == was_high) return;
+    if (pin->place.toggles && !changes.empty() && now.time_s - changes.back().time_s < kTwiceS) {
+      avr_cycle_timer_register(pin->owner->avr, 1, TakeBack, pin);
+      return;
+    }
+    changes.push_back(now);
   }
   static void OnByte(avr_irq_t*, uint32_t value, void* user) {
     static_cast<Simulation*>(user)->output += static_cast<char>(value);
@@ -109,6 +136,7 @@ SimulatedBoard::SimulatedBoard(const std::string& firmware, const std::vector<ui
 
   for (size_t i = 0; i < kPins.size(); ++i) {
     simulation_->pins[i].owner = simulation_.get();
+    simulation_->pins[i].place = kPins[i];
     avr_irq_register_notify(simulation_->Port(kPins[i].port, static_cast<uint32_t>(kPins[i].bit)),
                             Simulation::OnPin, &simulation_->pins[i]);
   }

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -165,7 +166,7 @@ TEST(WandFirmware, RefusesDamagedSettings) {
   board.Run(0.3);
   board.Send("hz 300 400 480");
   const std::vector<uint8_t> good = board.Eeprom();
-  for (size_t byte = 0; byte < 13; ++byte) {
+  for (size_t byte = 0; byte < 14; ++byte) {
     std::vector<uint8_t> damaged = good;
     damaged[byte] ^= static_cast<uint8_t>(1u << byte % 8);
     SimulatedBoard later("wand", damaged);
@@ -173,6 +174,19 @@ TEST(WandFirmware, RefusesDamagedSettings) {
     EXPECT_THAT(later.TakeOutput(), AllOf(HasSubstr("damaged"), HasSubstr("hz 500 500 500")))
         << "byte " << byte;
   }
+}
+
+// With a checksum that is right, but of the layout that the firmware had before light codes.
+TEST(WandFirmware, RefusesSettingsOfAnotherLayout) {
+  SimulatedBoard board("wand");
+  board.Run(0.3);
+  std::vector<uint8_t> eeprom = board.Eeprom();
+  const std::vector<uint8_t> stored = {1,    0x82, 0x5e, 0x2c, 0x01, 0x90, 0x01,
+                                       0xe0, 0x01, 0x32, 0x64, 0x00, 0xac, 0x0d};
+  std::ranges::copy(stored, eeprom.begin());
+  SimulatedBoard later("wand", eeprom);
+  later.Run(0.1);
+  EXPECT_THAT(later.TakeOutput(), AllOf(HasSubstr("damaged"), HasSubstr("hz 500 500 500")));
 }
 
 TEST(WandFirmware, ButtonChangesFrequenciesAndBrightness) {

@@ -99,15 +99,39 @@ def _inverse(matrices: Array) -> Array:
     return result
 
 
-def _nearest_rays(cameras: list[Camera], views: Array, seen: Mask) -> Array:
+@dataclass
+class _Views:
+    """What C cameras see of N points.
+
+    Attributes:
+        pixels: (C, N, 2).
+        bearings: (C, N, 3), unit vectors in the rig frame. NaN: the lens has no ray.
+    """
+
+    pixels: Array
+    bearings: Array
+
+    @classmethod
+    def of(cls, cameras: list[Camera], pixels: Array) -> "_Views":
+        bearings = [
+            camera.lens.directions(own) @ camera.rotation_cam_from_rig
+            for camera, own in zip(cameras, pixels)
+        ]
+        return cls(pixels, np.stack(bearings))
+
+    def at(self, points: NDArray[np.int64]) -> "_Views":
+        return _Views(self.pixels[:, points], self.bearings[:, points])
+
+
+def _nearest_rays(cameras: list[Camera], bearings: Array, seen: Mask) -> Array:
     """The points nearest all rays by the sum of squared distances, (N, 3)."""
-    count = views.shape[1]
+    count = bearings.shape[1]
     normal, right = np.zeros((count, 3, 3)), np.zeros((count, 3))
     first, widest = np.full((count, 3), np.nan), np.zeros(count)
     has_ray = np.ones(count, dtype=bool)
-    for camera, pixels, sees in zip(cameras, views, seen):
+    for camera, own, sees in zip(cameras, bearings, seen):
         at = np.flatnonzero(sees)
-        bearing = camera.lens.directions(pixels[at]) @ camera.rotation_cam_from_rig
+        bearing = own[at]
         has_ray[at] &= np.isfinite(bearing).all(-1)
         across = np.eye(3) - bearing[:, :, None] * bearing[:, None, :]
         normal[at] += across
@@ -120,23 +144,23 @@ def _nearest_rays(cameras: list[Camera], views: Array, seen: Mask) -> Array:
     return points
 
 
-def _fit(cameras: list[Camera], views: Array, seen: Mask, sigma_px: Array) -> _Fit:
+def _fit(cameras: list[Camera], views: _Views, seen: Mask, sigma_px: Array) -> _Fit:
     """Least squares of the weighted reprojection error, by Gauss and Newton's method.
 
     Args:
         cameras: C of them.
-        views: (C, N, 2), pixels.
+        views: Of N points.
         seen: (C, N).
         sigma_px: (C,), one sigma of each coordinate.
     """
-    count = views.shape[1]
+    count = seen.shape[1]
     fit = _Fit(
         position_m=np.full((count, 3), np.nan),
         noise_m2=np.full((count, 3, 3), np.nan),
         residual_px=np.zeros((len(cameras), count, 2)),
         worst_sigmas=np.full(count, np.nan),
     )
-    points = _nearest_rays(cameras, views, seen)
+    points = _nearest_rays(cameras, views.bearings, seen)
     active = np.flatnonzero(np.isfinite(points).all(-1))
     for step in range(_FIT_STEPS + 1):
         if active.size == 0:
@@ -148,7 +172,7 @@ def _fit(cameras: list[Camera], views: Array, seen: Mask, sigma_px: Array) -> _F
             at = active[own]
             projection = camera.lens.project_with_derivatives(camera.to_camera(points[at]))
             jacobian = projection.d_point @ camera.rotation_cam_from_rig / sigma_px[c]
-            residual = projection.pixels - views[c, at]
+            residual = projection.pixels - views.pixels[c, at]
             residuals[c, own] = residual
             normal[own] += np.swapaxes(jacobian, 1, 2) @ jacobian
             gradient[own] += np.einsum("nij,ni->nj", jacobian, residual / sigma_px[c])
@@ -171,7 +195,7 @@ def _fit(cameras: list[Camera], views: Array, seen: Mask, sigma_px: Array) -> _F
 
 
 def _leave_out(
-    cameras: list[Camera], views: Array, seen: Mask, sigma_px: Array, max_sigmas: float, fit: _Fit
+    cameras: list[Camera], views: _Views, seen: Mask, sigma_px: Array, max_sigmas: float, fit: _Fit
 ) -> None:
     """Takes out the view without which the others agree best, until all of a point agree.
 
@@ -181,13 +205,13 @@ def _leave_out(
         odd = np.flatnonzero(~(fit.worst_sigmas <= max_sigmas) & (seen.sum(0) >= 3))
         if odd.size == 0:
             break
-        best = _fit(cameras, views[:, odd], np.zeros((len(cameras), odd.size), bool), sigma_px)
+        best = _fit(cameras, views.at(odd), np.zeros((len(cameras), odd.size), bool), sigma_px)
         best_out = np.full(odd.size, -1)
         for out in range(len(cameras)):
             trial = np.flatnonzero(seen[out, odd])
             others = seen[:, odd[trial]]
             others[out] = False
-            fitted = _fit(cameras, views[:, odd[trial]], others, sigma_px)
+            fitted = _fit(cameras, views.at(odd[trial]), others, sigma_px)
             better = np.flatnonzero(
                 (fitted.worst_sigmas < best.worst_sigmas[trial])
                 | (np.isnan(best.worst_sigmas[trial]) & ~np.isnan(fitted.worst_sigmas))
@@ -204,15 +228,18 @@ def _leave_out(
     fit.position_m[bad] = fit.noise_m2[bad] = np.nan
 
 
-def _move_to_sphere_centres(
-    cameras: list[Camera], views: Array, seen: Mask, diameter_m: float, fit: _Fit
-) -> None:
+def _sphere_views(
+    cameras: list[Camera], views: _Views, seen: Mask, diameter_m: float, fit: _Fit
+) -> _Views:
+    """With the centres of the spheres' images moved to the images of their centres."""
+    pixels = views.pixels.copy()
     has_point = np.isfinite(fit.position_m).all(-1)
     for c, camera in enumerate(cameras):
         at = np.flatnonzero(seen[c] & has_point)
         distance_m = np.linalg.norm(fit.position_m[at] - camera.position_m, axis=-1)
-        moved = sphere_centres(camera.lens, views[c, at], distance_m, diameter_m)
-        views[c, at] = np.where(np.isfinite(moved), moved, views[c, at])
+        moved = sphere_centres(camera.lens, pixels[c, at], distance_m, diameter_m)
+        pixels[c, at] = np.where(np.isfinite(moved), moved, pixels[c, at])
+    return _Views.of(cameras, pixels)
 
 
 def _calibration_part(
@@ -247,7 +274,7 @@ def _calibration_part(
 
 def triangulate_views(
     cameras: list[Camera],
-    views: Array,
+    pixels: Array,
     sigma_px: Array,
     *,
     covariance: CameraCovariance | None,
@@ -259,12 +286,12 @@ def triangulate_views(
 
     Args:
         cameras: C of them.
-        views: (C, N, 2), pixels; NaN: not seen.
+        pixels: (C, N, 2); NaN: not seen.
         sigma_px: (C,), one sigma of each coordinate of a centre.
         covariance: Of the cameras, in their order. None: not known.
         scale_sigma_rel: One sigma of every length, as a share of it.
         max_sigmas: A view further than this from the point of all its views is left out.
-        diameter_m: Of the spheres whose image centres the views are; 0: the views are of the
+        diameter_m: Of the spheres whose image centres the pixels are; 0: the pixels are of the
             points themselves.
     """
     columns = 3 * len(covariance.matrix) if covariance else 0
@@ -272,14 +299,14 @@ def triangulate_views(
     parts = [
         _triangulate_block(
             cameras,
-            views[:, i : i + step].copy(),
+            pixels[:, i : i + step],
             sigma_px,
             covariance,
             scale_sigma_rel,
             max_sigmas,
             diameter_m,
         )
-        for i in range(0, max(views.shape[1], 1), step)
+        for i in range(0, max(pixels.shape[1], 1), step)
     ]
     position, total, noise, error, used = (np.concatenate(arrays) for arrays in zip(*parts))
     names = tuple(camera.name for camera in cameras)
@@ -288,20 +315,21 @@ def triangulate_views(
 
 def _triangulate_block(
     cameras: list[Camera],
-    views: Array,
+    pixels: Array,
     sigma_px: Array,
     covariance: CameraCovariance | None,
     scale_sigma_rel: float,
     max_sigmas: float,
     diameter_m: float,
 ) -> tuple[Array, Array, Array, Array, Mask]:
-    seen = np.isfinite(views).all(-1)
+    seen = np.isfinite(pixels).all(-1)
     with np.errstate(all="ignore"):
+        views = _Views.of(cameras, pixels)
         fit = _fit(cameras, views, seen, sigma_px)
         if diameter_m > 0:
-            _move_to_sphere_centres(cameras, views, seen, diameter_m, fit)
+            views = _sphere_views(cameras, views, seen, diameter_m, fit)
             fitted = np.flatnonzero(np.isfinite(fit.position_m).all(-1))
-            again = _fit(cameras, views[:, fitted], seen[:, fitted], sigma_px)
+            again = _fit(cameras, views.at(fitted), seen[:, fitted], sigma_px)
             fit.replace(fitted, again, np.arange(fitted.size))
         _leave_out(cameras, views, seen, sigma_px, max_sigmas, fit)
         total = fit.noise_m2.copy()

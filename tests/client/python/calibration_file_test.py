@@ -41,7 +41,8 @@ class Files(unittest.TestCase):
         calibration = Calibration.load(rig_cases.write(self.rig, self.folder))
         for name in calibration.cameras:
             camera = calibration.camera(name)
-            np.testing.assert_allclose(camera.rig_from_cam @ camera.cam_from_rig, np.eye(4), atol=1e-12)
+            both = camera.rig_from_cam @ camera.cam_from_rig
+            np.testing.assert_allclose(both, np.eye(4), atol=1e-12)
             np.testing.assert_array_equal(calibration.position(name), camera.rig_from_cam[:3, 3])
             np.testing.assert_array_equal(calibration.rotation(name), camera.rig_from_cam[:3, :3])
             # It looks at (0, 0.1, 4).
@@ -52,8 +53,8 @@ class Files(unittest.TestCase):
     def test_the_opencv_export_has_the_same_cameras(self):
         path = rig_cases.write(self.rig, self.folder)
         written = self.folder / "opencv"
-        subprocess.run([rig_cases.program("rigcal"), "calibration", "import", path, "--output", written],
-                       check=True, capture_output=True)
+        subprocess.run([rig_cases.program("rigcal"), "calibration", "import", path,
+                        "--output", written], check=True, capture_output=True)
         ours, theirs = Calibration.load(path), Calibration.load(written)
         self.assertEqual(sorted(theirs.cameras), sorted(ours.cameras))
         self.assertFalse(theirs.has_covariance)

@@ -101,9 +101,9 @@ class AgainstReference(unittest.TestCase):
 
     def test_blocks_are_those_of_the_whole(self):
         _, views = noisy_views(self.calibration, self.random, odd_every=9, lost=0.3)
-        many = {name: np.tile(pixels, (400, 1)) for name, pixels in views.items()}
+        many = {name: np.tile(pixels, (250, 1)) for name, pixels in views.items()}
         once, often = self.calibration.triangulate(views), self.calibration.triangulate(many)
-        self.assertEqual(len(often), 400 * COUNT)
+        self.assertEqual(len(often), 250 * COUNT)
         np.testing.assert_allclose(often.position_m[-COUNT:], once.position_m, atol=1e-12)
         np.testing.assert_array_equal(often.used[-COUNT:], once.used)
 
@@ -133,8 +133,8 @@ class BadInput(unittest.TestCase):
             ({"brown": two}, "from two cameras at least, and there are pixels of brown"),
             ({}, "pixels of none"),
             ({"brown": two, "left": two}, "no camera left; it has brown"),
-            ({"brown": two, "pole": np.zeros((5, 2))}, r"pixels of pole must be .N, 2. with the N"),
-            ({"brown": two, "pole": np.zeros((2, 5))}, r"pixels of pole must be .N, 2., got .2, 5."),
+            ({"brown": two, "pole": np.zeros((5, 2))}, "pixels of pole must be .N, 2. with the N"),
+            ({"brown": two, "pole": np.zeros((2, 5))}, "pixels of pole must be .N, 2., got .2, 5"),
         ]:
             with self.assertRaisesRegex(ValueError, message):
                 self.calibration.triangulate(views)

@@ -78,6 +78,19 @@ class Calibration:
         return self._content.covariance is not None
 
     @property
+    def grade(self) -> str:
+        """ "good", "usable" or "bad"; "" where the file has none."""
+        grade = str(self.message.get("quality", {}).get("grade", ""))
+        return grade.removeprefix("GRADE_").lower().replace("unspecified", "")
+
+    @property
+    def point_error_m(self) -> float:
+        """The error of a point by the calibration alone, after the best alignment and at the right
+        scale: this or less in 95 % of the waved places, metres. NaN: not known."""
+        error = float(self.message.get("headline", {}).get("point_error_m", 0))
+        return error if error > 0 else float("nan")
+
+    @property
     def message(self) -> dict[str, Any]:
         """Everything that the JSON has, by the names of rigcal.v1.Calibration."""
         return self._content.message

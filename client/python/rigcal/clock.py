@@ -92,7 +92,6 @@ class CameraClock:
         last = np.clip(after, 0, len(corners) - 1)
         span_ns = np.maximum(corners[last] - corners[first], 1)
         share = (camera_time_ns - corners[first]).astype(np.float64) / span_ns
-        share[first == last] = 0
         return offsets[first] + share * (offsets[last] - offsets[first])
 
     def _line_delay_ns(self, y_px: NDArray[np.float64] | None) -> Nanoseconds:

@@ -4,6 +4,7 @@
 import subprocess
 import sys
 import threading
+import time
 import unittest
 
 import grpc
@@ -107,6 +108,11 @@ class OneRig(unittest.TestCase):
         points = TimedPoints.joined(self.client.triangulate(rows, self.calibration))
         folder = RIG.folder / "rows"
         RIG.rigcal("session", "observations", "wave", "--output", str(folder))
+        for name, own in rows.items():
+            lines = np.loadtxt(folder / f"{name}.csv", delimiter=";")
+            seen = np.where(lines[:, 1:] == -1, np.nan, lines[:, 1:]).reshape(-1, 3, 2)
+            self.assertGreater(np.isnan(seen).sum(), 50)
+            np.testing.assert_allclose(own.pixels, seen, atol=1e-4)
         output = RIG.folder / "points.csv"
         RIG.rigcal("triangulate", self.calibration.id, "--data", str(folder),
                    "--output", str(output))
@@ -191,8 +197,9 @@ class LiveState(unittest.TestCase):
         RIG.wait_for(lambda: len(connected()) == 3)
         session = client.start_session(WAND, until_mm=0.001, cameras=["sim_0", "sim_1", "sim_2"])
         self.addCleanup(session.stop, wait=False)
-        counts = []
+        counts, deadline = [], time.monotonic() + 60
         for live in client.watch(interval_s=0.1):
+            self.assertLess(time.monotonic(), deadline, counts)
             counts.append(sum(camera.observation_count for camera in live.cameras))
             if len(counts) > 3 and counts[-1] > 300:
                 break

@@ -19,6 +19,8 @@ LENSES = {
     "pole": ("MODEL_RATIONAL", [0.1, 0.0, 0.0, 0.0, 0.0, -0.9, 0.0, 0.0]),
     "fisheye": ("MODEL_FISHEYE", [0.02, -0.01, 0.004, -0.002]),
     "folding": ("MODEL_FISHEYE", [-0.2, 0.0, 0.0, 0.0]),
+    # It rises again behind the fold, where what it shows is no inverse either.
+    "rising": ("MODEL_FISHEYE", [-0.9, 0.3, 0.0, 0.0]),
 }
 
 
@@ -43,7 +45,7 @@ def rig(with_covariance: bool = True) -> dict[str, Any]:
     random = np.random.default_rng(7)
     cameras, size = [], 0
     for i, (name, (model, distortion)) in enumerate(sorted(LENSES.items())):
-        angle = 0.35 * (i - 3)
+        angle = 0.3 * (i - 3.5)
         position = np.array([4 * np.sin(angle), random.uniform(-1, 1), 4 - 4 * np.cos(angle)])
         quaternion, translation = _towards(position, np.array([0.0, 0.1, 4.0]))
         refined = i % 3 == 1

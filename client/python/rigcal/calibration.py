@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from rigcal.array_shapes import as_nanoseconds, as_rows
 from rigcal.calibration_file import CalibrationContent, parse_calibration, read_calibration
 from rigcal.camera import Camera
+from rigcal.clock import CameraClock
 from rigcal.errors import RigcalError
-from rigcal.triangulation import TriangulatedPoints, triangulate_views
+from rigcal.triangulation import CameraCovariance, TriangulatedPoints, triangulate_views
 
 Array = NDArray[np.float64]
 
@@ -267,7 +268,7 @@ class Calibration:
             raise ValueError(f"y_px must be one number or {times.shape}, got {rows.shape}")
         return times, rows
 
-    def _clock(self, camera: str):
+    def _clock(self, camera: str) -> CameraClock:
         clock = self.camera(camera).clock
         if clock is None:
             raise RigcalError(
@@ -276,11 +277,14 @@ class Calibration:
             )
         return clock
 
-    @staticmethod
-    def _sigmas(cameras: list[Camera], sigma_px: float | Mapping[str, float] | None) -> Array:
+    def _sigmas(
+        self, cameras: list[Camera], sigma_px: float | Mapping[str, float] | None
+    ) -> Array:
         if sigma_px is None:
             return np.array([camera.sigma_px for camera in cameras])
         if isinstance(sigma_px, Mapping):
+            for name in sigma_px:
+                self.camera(name)
             values = [sigma_px.get(camera.name, camera.sigma_px) for camera in cameras]
         else:
             values = [sigma_px] * len(cameras)
@@ -289,13 +293,13 @@ class Calibration:
             raise ValueError(f"sigma_px must be positive, got {sigma_px}")
         return sigmas
 
-    def _covariance_of(self, cameras: list[Camera]):
+    def _covariance_of(self, cameras: list[Camera]) -> CameraCovariance | None:
         """The joint covariance with its rows by these cameras."""
         whole = self._content.covariance
         if whole is None:
             return None
-        at = [list(self._cameras).index(camera.name) for camera in cameras]
-        return type(whole)(
+        at = [self.cameras.index(camera.name) for camera in cameras]
+        return CameraCovariance(
             whole.matrix,
             tuple(whole.pose_row[i] for i in at),
             tuple(whole.intrinsics_row[i] for i in at),

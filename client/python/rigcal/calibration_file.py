@@ -89,7 +89,8 @@ def parse_calibration(name: str, text: str) -> CalibrationContent:
     except (ValueError, RecursionError) as error:
         raise RigcalError(
             f"{name} is not the JSON of a calibration ({error}); "
-            "rigcal calibration export ID --format json writes one"
+            "rigcal calibration export ID --format json writes one, and of another program's file "
+            "rigcal calibration import FILE --format json"
         ) from None
     if message["state"] not in ("STATE_SUCCEEDED", 3):
         raise RigcalError(

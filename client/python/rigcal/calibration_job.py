@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rigcal.calibration import Calibration
-from rigcal.connection import ServerConnection
+from rigcal.connection import ServerConnection, Service
 from rigcal.enum_names import enum_name
 from rigcal.errors import RigcalError
 from rigcal.session import PATIENCE_S, watch_with_patience
@@ -77,7 +77,7 @@ class CalibrationJob:
         self._service.CancelCalibration(id=self.id)
 
 
-def fetch_calibration(service, calibration_id: str) -> Calibration:
+def fetch_calibration(service: Service, calibration_id: str) -> Calibration:
     """The whole of a calibration, with the covariance of its cameras."""
     exported = service.ExportCalibration(id=calibration_id, format="json")
     return Calibration.from_json(exported.content.decode(), f"calibration {calibration_id}")

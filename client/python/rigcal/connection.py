@@ -63,6 +63,7 @@ class ServerConnection:
                 "INVALID_ARGUMENT",
             )
         self.address = address
+        self._services: dict[str, Service] = {}
         target = address if address.startswith("unix:") else f"dns:///{address}"
         if is_on_this_machine(address) and address not in identity.servers():
             self._channel = grpc.insecure_channel(target, _OPTIONS)
@@ -84,7 +85,9 @@ class ServerConnection:
 
     def service(self, file: str) -> "Service":
         """The service of proto/rigcal/v1/FILE_service.proto."""
-        return Service(self, file)
+        if file not in self._services:
+            self._services[file] = Service(self, file)
+        return self._services[file]
 
     def explain(self, error: grpc.RpcError, method: str, timeout_s: float | None) -> RigcalError:
         """The server's message as it is, or what keeps it from giving one."""

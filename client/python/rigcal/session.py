@@ -2,7 +2,8 @@
 """Sessions: recordings of the waved wand."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from google.protobuf.duration_pb2 import Duration
 
@@ -89,7 +90,9 @@ class Session:
             yield self
 
 
-def watch_with_patience(watch, patience_s: float) -> Iterator:
+def watch_with_patience(
+    watch: Callable[[], Iterator[Any]], patience_s: float
+) -> Iterator[Any]:
     """The messages of a stream to its end; a lost connection is made again.
 
     Args:

@@ -68,7 +68,10 @@ class AgainstReference(unittest.TestCase):
 
     def test_given_sigma(self):
         _, views = noisy_views(self.calibration, self.random)
-        self.compare(self.rig, views, 100, sigma_px=0.7)
+        made = self.compare(self.rig, views, 100, sigma_px=0.7)
+        by_camera = {name: 0.7 for name in views}
+        again = self.calibration.triangulate(views, sigma_px=by_camera)
+        np.testing.assert_allclose(again.covariance_m2, made.covariance_m2, rtol=1e-12)
 
     def test_cameras_that_do_not_see_all(self):
         _, views = noisy_views(self.calibration, self.random, lost=0.6)
@@ -140,6 +143,8 @@ class BadInput(unittest.TestCase):
                 self.calibration.triangulate(views)
         with self.assertRaisesRegex(ValueError, "sigma_px must be positive, got -1"):
             self.calibration.triangulate({"brown": two, "pole": two}, sigma_px=-1)
+        with self.assertRaisesRegex(ValueError, "no camera left; it has brown"):
+            self.calibration.triangulate({"brown": two, "pole": two}, sigma_px={"left": 1})
         with self.assertRaisesRegex(ValueError, "max_sigmas"):
             self.calibration.triangulate({"brown": two, "pole": two}, max_sigmas=0)
 

@@ -184,7 +184,12 @@ class Service:
         def both_ways(requests: Iterable[Message]) -> Iterator[Message]:
             return _messages(connection, name, call(iter(requests)))
 
-        return {"unary_unary": unary, "unary_stream": from_server, "stream_stream": both_ways}[kind]
+        made = {"unary_unary": unary, "unary_stream": from_server, "stream_stream": both_ways}[kind]
+        fields_of = ", ".join(field.name for field in method.input_type.fields)
+        made.__doc__ = (
+            f"{method.input_type.full_name}({fields_of}) to {method.output_type.full_name}."
+        )
+        return made
 
 
 def _messages(connection: ServerConnection, name: str, call: Any) -> Iterator[Message]:

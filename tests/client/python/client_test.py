@@ -138,7 +138,15 @@ class OneRig(unittest.TestCase):
     def test_a_stream_that_breaks_goes_on(self):
         rows = self.client.observations("wave")
         whole = TimedPoints.joined(self.client.triangulate(rows, self.calibration))
-        # Rows of half of the time, then the server is started anew, then the others.
+        keys = lambda points: list(zip(points.time_ns.tolist(), points.marker.tolist()))
+        for end in (RIG.stop_server, RIG.kill_server):
+            resumed = TimedPoints.joined(self.points_over_a_restart(rows, end))
+            self.assertEqual(keys(resumed), sorted(set(keys(resumed))), "points came twice")
+            self.assertEqual(set(keys(whole)), set(keys(resumed)))
+            np.testing.assert_allclose(resumed.position_m, whole.position_m, atol=1e-5)
+
+    def points_over_a_restart(self, rows, end_server):
+        """Rows of half of the time, then the server ends and is started anew, then the others."""
         half_sent, goes_on = threading.Event(), threading.Event()
         pieces = list(in_order_of_time(rows, self.calibration))
 
@@ -148,21 +156,32 @@ class OneRig(unittest.TestCase):
             goes_on.wait(60)
             yield from pieces[len(pieces) // 2 :]
 
-        parts = []
         stream = self.client.triangulate(slowly(), self.calibration)
-        parts.append(next(stream))
+        parts = [next(stream)]
         self.assertTrue(half_sent.wait(60))
-        RIG.stop_server()
+        end_server()
         restart = threading.Timer(1.0, lambda: (RIG.start_server(), goes_on.set()))
         restart.start()
         parts += list(stream)
         restart.join()
-        resumed = TimedPoints.joined(parts)
-        key = lambda points: list(zip(points.time_ns.tolist(), points.marker.tolist()))
-        self.assertEqual(len(set(key(resumed))), len(resumed), "points came twice")
-        self.assertEqual(key(resumed), sorted(key(resumed)))
-        missing = set(key(whole)) ^ set(key(resumed))
-        self.assertEqual(missing, set())
+        return parts
+
+    def test_a_server_that_stays_away_is_given_up(self):
+        never = threading.Event()
+        self.addCleanup(never.set)
+
+        def waiting():
+            yield MarkerRows("sim_0", [1], np.zeros((1, 1, 2)))
+            never.wait(60)
+
+        stream = self.client.triangulate(waiting(), self.calibration, patience_s=0.5)
+        stop = threading.Timer(0.5, RIG.stop_server)
+        stop.start()
+        with self.assertRaisesRegex(RigcalError, "cannot reach the server") as caught:
+            list(stream)
+        self.assertEqual(caught.exception.code, "UNAVAILABLE")
+        stop.join()
+        RIG.start_server()
 
     def test_bad_rows_end_the_stream_with_their_reason(self):
         row = lambda camera, markers: MarkerRows(camera, [1], np.zeros((1, markers, 2)))
@@ -183,6 +202,8 @@ class OneRig(unittest.TestCase):
         # It comes back by itself after a restart of the server.
         RIG.wait_for(lambda: [len(agent.cameras) for agent in agents()] == [4])
         self.assertEqual(self.client.api("session").GetSession(id="wave").session.id, "wave")
+        self.assertEqual(self.client.api("session").GetSession.__doc__,
+                         "rigcal.v1.GetSessionRequest(id, audit) to rigcal.v1.GetSessionResponse.")
         with self.assertRaisesRegex(RigcalError, "there is no service wand; there are agent, "):
             self.client.api("wand")
 

@@ -3,6 +3,7 @@
 
 import os
 import tempfile
+import time
 import unittest
 from pathlib import Path
 from unittest import mock
@@ -71,6 +72,16 @@ class Joining(User):
         ca.write_bytes(ca.read_bytes() + (self.identity / "user.crt").read_bytes())
         with self.assertRaisesRegex(RigcalError, "ca.crt holds 2 certificates, not one; join"):
             rigcal.Client()
+
+    def test_the_program_asks_once_a_day_for_a_newer_certificate(self):
+        rigcal.Client.join(self.token("operator")).close()
+        asked = self.identity / "asked"
+        asked.touch()
+        for age_s, asks in ((3600, False), (2 * 24 * 3600, True)):
+            before = time.time() - age_s
+            os.utime(asked, (before, before))
+            rigcal.Client().close()
+            self.assertEqual(asked.stat().st_mtime > before + 1, asks, age_s)
 
     def test_a_missing_key_is_named(self):
         rigcal.Client.join(self.token("operator")).close()

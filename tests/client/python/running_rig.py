@@ -48,6 +48,11 @@ class RunningRig:
     def stop_server(self) -> None:
         self.end(self.server)
 
+    def kill_server(self) -> None:
+        """Without a chance to say goodbye."""
+        self.server.kill()
+        self.server.wait()
+
     def start_agent(self, options: str = "", cameras: int = 4) -> subprocess.Popen:
         """One agent with all cameras of a simulated rig."""
         sources = []

@@ -26,8 +26,10 @@ packages=(
   libspdlog-dev
   # firmware of the wand, and what runs it in tests
   gcc-avr avr-libc libsimavr-dev
+  # the Python package: to run, and to make a wheel of it
+  python3 python3-numpy python3-grpcio python3-protobuf python3-pip python3-setuptools python3-wheel
   # tests
-  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-numpy python3-opencv
+  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-opencv python3-matplotlib
 )
 
 # The dashboard and its tests, unless these programs are here from elsewhere.

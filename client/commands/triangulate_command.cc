@@ -6,14 +6,16 @@
 #include <iostream>
 #include <utility>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "client/commands/command_parser.h"
 #include "client/commands/fetch_calibration.h"
 #include "client/commands/triangulate_stream.h"
 #include "client/output/output.h"
+#include "client/results/c3d_file.h"
 #include "client/results/calibration_import.h"
 #include "client/results/marker_rows.h"
+#include "client/results/point_frames.h"
+#include "client/results/trc_file.h"
 #include "client/results/triangulation_file.h"
 #include "common/file/durable_file.h"
 #include "common/file/may_write.h"
@@ -22,6 +24,22 @@
 
 namespace rigcal::client {
 namespace {
+
+// In the format that the ending of the output names.
+absl::StatusOr<std::string> PointsText(const TriangulateCommandOptions& options,
+                                       const Triangulation& triangulation,
+                                       const std::vector<std::string>& labels) {
+  const std::filesystem::path output = options.output;
+  if (output.extension() == ".parquet") {
+    return TriangulationParquet(triangulation, labels, options.calibration);
+  }
+  if (output.extension() != ".trc" && output.extension() != ".c3d") {
+    return TriangulationCsv(triangulation, labels);
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const PointFrames frames, FramesOf(triangulation, labels));
+  if (output.extension() == ".trc") return TrcFile(frames, output.filename().string());
+  return C3dFile(frames, options.calibration);
+}
 
 absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandOptions& options,
                                                        CommandContext& context) {
@@ -53,9 +71,7 @@ absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandO
   RIGCAL_RETURN_IF_ERROR(
       CheckConvention(calibration, rows.cameras, triangulation_options, triangulation));
   const std::vector<std::string> labels = MarkerLabels(calibration.target.given, marker_count);
-  const std::string points = absl::EndsWith(options.output, ".parquet")
-                                 ? TriangulationParquet(triangulation, labels, options.calibration)
-                                 : TriangulationCsv(triangulation, labels);
+  RIGCAL_ASSIGN_OR_RETURN(const std::string points, PointsText(options, triangulation, labels));
   if (options.output == "-") {
     context.console.out << points << std::flush;
   } else {
@@ -103,7 +119,8 @@ void AddTriangulateCommand(CommandParser& parser) {
       ->required();
   AddOption(app, "--output", "FILE", &options->output,
             "File to write: time, label, x_m, y_m, z_m, sigmas, covariances; Apache Parquet if it "
-            "ends in .parquet, else CSV; - for CSV on stdout")
+            "ends in .parquet; for programs of motion capture frames in mm: TRC if it ends in "
+            ".trc, C3D if in .c3d; else CSV; - for CSV on stdout")
       ->required();
   AddForceOption(app, &options->force);
   AddOption(app, "--sigma-px", "PX", &options->triangulation.sigma_px,

@@ -12,7 +12,7 @@ namespace rigcal::client {
 struct TriangulateCommandOptions {
   std::string calibration;  // id, or the path of a file
   std::string data;         // folder of rows
-  std::string output;       // to write: Parquet by its ending .parquet, else CSV; "-": stdout
+  std::string output;       // to write: .parquet, .trc, .c3d, else CSV; "-": stdout
   bool force = false;       // replace the file that is there
   TriangulationOptions triangulation;
   std::optional<double> diameter_m;  // of the spheres; none: as in the calibration's target

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -16,6 +17,7 @@
 #include "common/board/board.h"
 #include "common/camera/camera_model.h"
 #include "tests/client/command_runner.h"
+#include "tests/client/results/c3d_reader.h"
 #include "tests/client/results/parquet_reader.h"
 #include "tests/common/triangulate/true_result.h"
 #include "tests/testing/status_matchers.h"
@@ -155,6 +157,41 @@ TEST_F(TriangulateCommand, WritesTheSamePointsAsParquet) {
   }
   EXPECT_GT(count, 200u);
   EXPECT_EQ(table.row_count, static_cast<int64_t>(count));
+}
+
+TEST_F(TriangulateCommand, WritesTheSamePointsForProgramsOfMotionCapture) {
+  const std::string rows = WriteRows("rows", rigcal::testing::RowsOf(*world_));
+  std::map<std::string, std::string> files;
+  for (const char* file : {"points.csv", "points.trc", "points.c3d"}) {
+    const CommandOutcome outcome =
+        Rigcal({"triangulate", calibration_, "--data", rows, "--output", Path(file)});
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    std::ifstream bytes(Path(file), std::ios::binary);
+    files[file] = std::string(std::istreambuf_iterator<char>(bytes), {});
+  }
+  const rigcal::testing::C3dContent c3d = rigcal::testing::ReadC3d(files["points.c3d"]);
+  EXPECT_NEAR(c3d.rate_hz, 25, 1e-3);
+  EXPECT_THAT(c3d.parameters.at("RIGCAL:CALIBRATION").Texts(),
+              ::testing::ElementsAre(calibration_));
+  const double first_s = 1e-9 * std::stod(c3d.parameters.at("RIGCAL:FIRST_TIME_NS").Texts().at(0));
+  const std::vector<std::string> trc = absl::StrSplit(files["points.trc"], '\n');
+  ASSERT_EQ(trc.size(), 7 + c3d.frames.size());
+  int count = 0;
+  const std::vector<std::string> lines = absl::StrSplit(files["points.csv"], '\n');
+  for (size_t i = 1; i + 1 < lines.size(); ++i, ++count) {
+    const std::vector<std::string> fields = absl::StrSplit(lines[i], ',');
+    const auto frame =
+        static_cast<size_t>(std::lround((std::stod(fields[0]) - first_s) * c3d.rate_hz));
+    const size_t marker = std::stoul(fields[1]);
+    const std::vector<std::string> columns = absl::StrSplit(trc.at(6 + frame), '\t');
+    EXPECT_GT(c3d.frames.at(frame).at(marker).word, 0);
+    for (size_t axis = 0; axis < 3; ++axis) {
+      const double at_mm = 1000 * std::stod(fields[2 + axis]);
+      EXPECT_NEAR(std::stod(columns.at(2 + 3 * marker + axis)), at_mm, 6e-5);
+      EXPECT_NEAR(static_cast<double>(c3d.frames[frame][marker].position[axis]), at_mm, 1e-3);
+    }
+  }
+  EXPECT_GT(count, 200);
 }
 
 TEST_F(TriangulateCommand, NamesWhatIsMissing) {

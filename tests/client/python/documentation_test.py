@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The examples of docs/python.md run, one after the other, against a real server."""
+
+import contextlib
+import io
+import os
+import re
+import unittest
+from pathlib import Path
+from unittest import mock
+
+from running_rig import RunningRig
+
+PAGE = Path(os.environ["RIGCAL_SOURCE_DIR"]) / "docs/python.md"
+LONGEST_EXAMPLE = 12
+
+
+def examples():
+    """The code of each block, with the line where it begins."""
+    text = PAGE.read_text()
+    for found in re.finditer(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        yield text.count("\n", 0, found.start(1)) + 1, found[1]
+
+
+class Page(unittest.TestCase):
+    def test_all_examples_run(self):
+        rig = RunningRig()
+        self.addCleanup(rig.close)
+        rig.start_agent("duration=600;rate=50;speed=8")
+        rig.wait_for(lambda: rig.rigcal("agent", "list").count("sim:camera=") == 4)
+        folder = rig.folder / "examples"
+        folder.mkdir()
+        names, printed = {}, []
+        before = os.getcwd()
+        os.chdir(folder)
+        self.addCleanup(os.chdir, before)
+        for line, code in examples():
+            out = io.StringIO()
+            with mock.patch.dict(os.environ, {"RIGCAL_SERVER": rig.address}):
+                with contextlib.redirect_stdout(out):
+                    # As many lines before it as on the page, for what is raised.
+                    exec(compile("\n" * (line - 1) + code, PAGE, "exec"), names)
+            printed.append(out.getvalue())
+        names["client"].close()
+        self.assertEqual(len(printed), 6)
+        wave, calibrated, _, alone, live, rest = printed
+        self.assertRegex(wave, r"\d\.\d mm")
+        self.assertRegex(calibrated, r"c-000001 (good|usable) \d+\.\d\d mm")
+        self.assertGreater((folder / "wave.png").stat().st_size, 10_000)
+        self.assertGreater(len(names["points"]), 0)
+        self.assertIn("[4 4 4]", alone)
+        self.assertRegex(live.splitlines()[-1], r"\d+ \[.*\]")
+        self.assertRegex(rest, r"NOT_FOUND .*nowhere")
+
+    def test_examples_are_short(self):
+        for line, code in examples():
+            self.assertLessEqual(len(code.strip().splitlines()), LONGEST_EXAMPLE, f"line {line}")
+
+    def test_the_page_is_short(self):
+        lines = PAGE.read_text().splitlines()
+        self.assertLessEqual(len(lines), 120)

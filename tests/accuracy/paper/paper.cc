@@ -75,6 +75,7 @@ int RunPaperTables(const PaperArguments& arguments) {
 Experiment::Run PreparePaper(OptionList* list) {
   const auto arguments = std::make_shared<PaperArguments>();
   PaperOptions& options = arguments->options;
+  list->AddFlag("--points", &options.points, "simulated points, nothing is rendered or detected");
   list->Add("--seeds", &options.seeds, 1, 1000, "number of rigs");
   list->Add("--first-seed", &options.first_seed, 0, 1 << 30, "lowest seed");
   list->Add("--threads", &options.threads, 1, 256, "recordings solved at the same time");

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <string>
+#include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
 #include "common/triangulate/triangulate_rows.h"
@@ -19,6 +23,7 @@ namespace rigcal::accuracy {
 inline constexpr int kPaperFrameCameras = 4;
 inline constexpr int kPaperCameras = 6;
 inline constexpr double kPaperTriggerHz = 50;
+inline constexpr size_t kPaperPathMarker = 1;  // of the wand of Table II: its middle marker
 
 enum class PaperTarget : uint8_t { kWand = 0, kCircles = 1, kChecker = 2 };
 
@@ -52,15 +57,25 @@ struct PaperRecordingOptions {
   double wand_sigma_m = 0, board_sigma_m = 0;
 };
 
+// Of so many frames of the trigger one shows a board.
+int BoardFrameStep(const PaperRecordingOptions& options);
+
 struct PaperRecording {
   server::CalibrationInput input;        // a target waved in front of the cameras
   std::vector<CameraRows> marker;        // one marker of another wand, on another path
   std::vector<CameraRows> exact_marker;  // the same without noise
   ReferencePath path;                    // where that marker was
   CalibrationResult true_rig;            // when the marker was recorded; without residuals
+  // By camera, in how many rows it sees the target that is waved.
+  std::vector<std::pair<std::string, int>> views;
 };
 
-// INVALID_ARGUMENT: options that make no world.
+// Rows in which the target is seen.
+int ViewCount(const std::vector<Observation>& rows);
+
+// All but input and views. INVALID_ARGUMENT: options that make no world.
+absl::Status RecordPaperPath(const PaperRecordingOptions& options, PaperRecording* recording);
+// Of points. INVALID_ARGUMENT: options that make no world.
 absl::StatusOr<PaperRecording> RecordPaper(const PaperRecordingOptions& options,
                                            PaperTarget target);
 

@@ -12,6 +12,7 @@
 #include "common/triangulate/triangulate_rows.h"
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/paper/index_paired_solve.h"
+#include "tests/accuracy/paper/paper_films.h"
 #include "tests/accuracy/seed_runs.h"
 
 namespace rigcal::accuracy {
@@ -37,7 +38,7 @@ std::vector<PaperMethod> MethodsOf(PaperTarget target) {
 
 bool IsAsked(const PaperOptions& options, const PaperCondition& condition, PaperMethod method) {
   const bool board = method == PaperMethod::kCircles || method == PaperMethod::kChecker;
-  if (condition.boards_noisy_as_wand && !board) return false;
+  if (condition.boards_noisy_as_wand && (!board || !options.points)) return false;
   PaperRow row;
   row.condition = condition.name;
   row.method = method;
@@ -69,11 +70,9 @@ Outcome Judge(PaperMethod method, absl::StatusOr<CalibrationResult> calibration,
   return outcome;
 }
 
-std::vector<Outcome> RunTarget(const PaperRecordingOptions& options, PaperTarget target,
+std::vector<Outcome> RunTarget(const absl::StatusOr<PaperRecording>& recording, PaperTarget target,
                                const std::vector<PaperMethod>& asked) {
   std::vector<Outcome> outcomes;
-  if (asked.empty()) return outcomes;
-  const absl::StatusOr<PaperRecording> recording = RecordPaper(options, target);
   if (!recording.ok()) {
     for (const PaperMethod method : asked) {
       outcomes.push_back(Judge(method, recording.status(), PaperRecording()));
@@ -151,8 +150,15 @@ absl::StatusOr<PathErrors> ComparePathOf(const CalibrationResult& calibration,
   TriangulationOptions options;
   options.sigma_px = 1;
   options.max_sigmas = kNothingLeftOut;
+  std::vector<CameraRows> known;
+  for (const CameraRows& rows : marker) {
+    if (std::ranges::find(calibration.cameras, rows.camera, &CalibratedCamera::camera) !=
+        calibration.cameras.end()) {
+      known.push_back(rows);
+    }
+  }
   RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
-                          TriangulateRows(calibration, marker, options));
+                          TriangulateRows(calibration, std::move(known), options));
   std::vector<TimedPosition> points;
   for (const TriangulatedPoint& point : triangulation.points) {
     points.push_back({1e-9 * static_cast<double>(point.rig_time_ns), point.position_m});
@@ -170,6 +176,7 @@ std::vector<PaperRow> RunPaper(const PaperOptions& options) {
       if (row.method != PaperMethod::kTruth) row.waved_s = options.recording.duration_s;
     }
   }
+  PaperFilms films;
   const int count = options.seeds * kConditionCount * kTargetCount;
   const auto runs = RunAll<std::vector<Outcome>>(count, options.threads, [&](int i) {
     const PaperTarget target = kTargets[i % kTargetCount];
@@ -184,7 +191,10 @@ std::vector<PaperRow> RunPaper(const PaperOptions& options) {
     recording.boards_noisy_as_wand = condition.boards_noisy_as_wand;
     std::vector<PaperMethod> asked = MethodsOf(target);
     std::erase_if(asked, [&](PaperMethod method) { return !IsAsked(options, condition, method); });
-    return RunTarget(recording, target, asked);
+    if (asked.empty()) return std::vector<Outcome>();
+    return RunTarget(
+        options.points ? RecordPaper(recording, target) : films.Record(recording, target), target,
+        asked);
   });
   for (int i = 0; i < count; ++i) {
     const int condition = i / kTargetCount % kConditionCount;

@@ -30,7 +30,7 @@ struct PaperCondition {
   const char* name;
   double first_camera_early_s = 0;
   double bump_m = 0, bump_deg = 0;
-  bool boards_noisy_as_wand = false;  // only boards differ from the first condition
+  bool boards_noisy_as_wand = false;  // points only; only boards differ from the first condition
   double wand_sigma_m = 0, board_sigma_m = 0;
 };
 inline constexpr PaperCondition kPaperConditions[] = {
@@ -43,7 +43,8 @@ inline constexpr PaperCondition kPaperConditions[] = {
 
 struct PaperOptions {
   PaperRecordingOptions recording;  // its seed is not looked at
-  int seeds = 3;
+  bool points = false;              // else pictures and events are rendered, and detected
+  int seeds = 1;
   int first_seed = 1;
   int threads = 2;
   std::string only;  // rows with this in "CONDITION: METHOD"; empty: all

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <utility>
@@ -34,6 +35,9 @@ constexpr double kBoardBlurPx = 0.7, kBoardNoiseGrey = 2;
 // Of a board that moves so many pixels during an exposure, as many pictures are averaged.
 constexpr int kMostParts = 4;
 constexpr int64_t kFilmSliceUs = 10'000;
+// Of each pixel, as in docs/accuracy.md, boards before event cameras: less than of the wand's
+// sensor. With more of it OpenCV takes minutes for a picture without a board.
+constexpr double kEventBoardNoiseHz = 1;
 constexpr double kEventBoardSigmaPx = 0.35;  // docs/accuracy.md, a print before an event camera
 
 uint32_t SeedOf(const PaperScene& scene, const PaperRecordingOptions& options, int camera) {
@@ -162,7 +166,7 @@ absl::Status PassEvents(double seconds, const Render& render, const Take& take) 
     write_run();
     write_triggers(to_us);
     writer.WriteTime(to_us, &bytes);
-    RIGCAL_RETURN_IF_ERROR(take(bytes));
+    RIGCAL_RETURN_IF_ERROR(take(to_us, bytes));
   }
   return absl::OkStatus();
 }
@@ -195,7 +199,7 @@ absl::StatusOr<std::vector<Observation>> FilmWandEvents(const PaperScene& scene,
       [&](int64_t to_us, auto* events, auto* triggers) {
         return renderer.Render(to_us, path, events, triggers);
       },
-      [&](const std::vector<uint8_t>& bytes) {
+      [&](int64_t, const std::vector<uint8_t>& bytes) {
         detector.Take(bytes, &found);
         return absl::OkStatus();
       }));
@@ -284,7 +288,8 @@ absl::StatusOr<std::vector<Observation>> FilmBoard(const PaperScene& scene, int 
 }
 
 absl::StatusOr<std::vector<Observation>> FilmBoardEvents(const PaperScene& scene, int camera,
-                                                         uint32_t seed) {
+                                                         double most_angle_deg, uint32_t seed) {
+  const double least_cosine = std::cos(most_angle_deg * std::numbers::pi / 180);
   RIGCAL_ASSIGN_OR_RETURN(const Board board, ParseBoard(scene.target().board));
   std::vector<Observation> rows;
   if (!board.HasCircles()) return rows;
@@ -295,6 +300,7 @@ absl::StatusOr<std::vector<Observation>> FilmBoardEvents(const PaperScene& scene
   print.black = 0.04;
   EventRenderOptions sensor;
   sensor.seed = seed;
+  sensor.background_hz = kEventBoardNoiseHz;
   // Its back is blank.
   const RigidTransform hidden{Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, -10)};
   EventBoardScene events_of(board, *description.intrinsics, size, print, sensor,
@@ -312,7 +318,13 @@ absl::StatusOr<std::vector<Observation>> FilmBoardEvents(const PaperScene& scene
         events_of.Render(to_us, events);
         return absl::OkStatus();
       },
-      [&](const std::vector<uint8_t>& bytes) {
+      [&](int64_t to_us, const std::vector<uint8_t>& bytes) {
+        // As with frames, what shows no board is not searched.
+        const double time_s = 1e-6 * static_cast<double>(to_us);
+        if (scene.FacingCosine(camera, scene.PoseAt(time_s)) < least_cosine ||
+            CornersInImage(scene, board, camera, time_s).empty()) {
+          return absl::OkStatus();
+        }
         const absl::Status taken = detector.Take(bytes, &pictures);
         for (agent::EventBoardPicture& picture : pictures) picture.grey.release();
         return taken;
@@ -342,7 +354,7 @@ absl::StatusOr<std::vector<Observation>> FilmCamera(const PaperScene& scene,
   const uint32_t seed = SeedOf(scene, options, camera);
   const bool is_event = PaperScene::IsEventCamera(camera);
   if (scene.IsBoard()) {
-    return is_event ? FilmBoardEvents(scene, camera, seed)
+    return is_event ? FilmBoardEvents(scene, camera, options.board_angle_deg, seed)
                     : FilmBoard(scene, camera, BoardFrameStep(options), seed);
   }
   return is_event ? FilmWandEvents(scene, camera, seed) : FilmWand(scene, camera, seed);

@@ -80,6 +80,7 @@ Experiment::Run PreparePaper(OptionList* list) {
   list->Add("--first-seed", &options.first_seed, 0, 1 << 30, "lowest seed");
   list->Add("--threads", &options.threads, 1, 256, "recordings solved at the same time");
   list->Add("--duration", &options.recording.duration_s, 5, 3600, "seconds of waving");
+  list->Add("--path", &options.recording.path_s, 2, 3600, "seconds of the marker of Table II");
   list->Add("--board-rate", &options.recording.board_rate_hz, 1, kPaperTriggerHz,
             "views of a board that are used, a second");
   list->Add("--board-angle", &options.recording.board_angle_deg, 5, 180,

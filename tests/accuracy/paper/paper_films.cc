@@ -75,7 +75,7 @@ absl::StatusOr<PaperRecording> PaperFilms::Record(const PaperRecordingOptions& o
     const CameraDescription camera = wave.DescriptionOf(c);
     const int views = ViewCount(rows);
     recording.views.emplace_back(camera.camera, views);
-    if (views >= kLeastViews) {
+    if (views >= kPaperLeastViews) {
       server::CameraTrack& track = recording.input.tracks.emplace_back();
       track.session_id = "wave";
       track.camera = camera;

@@ -17,13 +17,10 @@ namespace rigcal::accuracy {
 // Recordings like those of RecordPaper, rendered and detected. Each camera is rendered once for all
 // conditions in which it sees the same. Differences from RecordPaper:
 // - targets are exact, and what is given as their points is off by wand_sigma_m and board_sigma_m;
-// - a camera in which the target is found less than kLeastViews times is left out;
 // - exact_marker holds the frame cameras alone.
 // Any thread.
 class PaperFilms {
  public:
-  static constexpr int kLeastViews = 10;
-
   // Errors of RecordPaper, FilmCamera.
   absl::StatusOr<PaperRecording> Record(const PaperRecordingOptions& options, PaperTarget target);
 

@@ -152,6 +152,7 @@ absl::StatusOr<PaperRecording> RecordPaper(const PaperRecordingOptions& options,
       track.observations.push_back(recorder.See(c, frame));
     }
     recording.views.emplace_back(track.camera.camera, ViewCount(track.observations));
+    if (recording.views.back().second < kPaperLeastViews) recording.input.tracks.pop_back();
   }
   RIGCAL_RETURN_IF_ERROR(RecordPaperPath(options, &recording));
   return recording;

@@ -25,6 +25,9 @@ inline constexpr int kPaperCameras = 6;
 inline constexpr double kPaperTriggerHz = 50;
 inline constexpr size_t kPaperPathMarker = 1;  // of the wand of Table II: its middle marker
 
+// A camera that sees the waved target less often takes no part.
+inline constexpr int kPaperLeastViews = 10;
+
 enum class PaperTarget : uint8_t { kWand = 0, kCircles = 1, kChecker = 2 };
 
 // One sigma of each coordinate of a centre, pixels.
@@ -37,13 +40,13 @@ PaperNoise NoiseOf(PaperTarget target);
 
 struct PaperRecordingOptions {
   uint32_t seed = 1;       // of the rig, the motion and the noise
-  double duration_s = 30;  // of waving
+  double duration_s = 20;  // of waving
   // Views of a board that are used; of a wand all are that the trigger gives.
-  double board_rate_hz = 10;
-  double path_s = 20;  // how long the marker of Table II moves
+  double board_rate_hz = 25;
+  double path_s = 10;  // how long the marker of Table II moves
   // A board turns once about the rig's vertical in this time, so that its front points to each
   // camera in turn.
-  double board_turn_s = 20;
+  double board_turn_s = 10;
   // It is seen by cameras to which its front points by less than this; 180: from both sides.
   double board_angle_deg = 70;
   // frame_0 is exposed so much before the others, though the trigger and its stamps say together.

@@ -100,7 +100,7 @@ std::string Failure(const PaperRow& row) {
 
 absl::StatusOr<std::vector<PaperRealRow>> RunPaperRecording(const server::CalibrationInput& input) {
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult solved, server::Calibrate(input, {}).result);
-  RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult paired, SolveIndexPaired(input, solved));
+  RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult paired, SolveIndexPaired(input));
   return std::vector<PaperRealRow>{{"published", {1.38, 1.30, 3.00, 2.79}, {}},
                                    RealRow(NameOf(PaperMethod::kWandIndexPaired), paired),
                                    RealRow(NameOf(PaperMethod::kWand), solved)};

@@ -40,10 +40,10 @@ PaperNoise NoiseOf(PaperTarget target);
 
 struct PaperRecordingOptions {
   uint32_t seed = 1;       // of the rig, the motion and the noise
-  double duration_s = 20;  // of waving
+  double duration_s = 10;  // of waving
   // Views of a board that are used; of a wand all are that the trigger gives.
   double board_rate_hz = 25;
-  double path_s = 10;  // how long the marker of Table II moves
+  double path_s = 5;  // how long the marker of Table II moves
   // A board turns once about the rig's vertical in this time, so that its front points to each
   // camera in turn.
   double board_turn_s = 10;

@@ -8,7 +8,7 @@
 namespace rigcal::accuracy {
 
 struct SplineSolveOptions {
-  double step_s = 0.1;      // from one knot to the next
+  double step_s = 0.07;     // from one knot to the next
   double loss_px = 1;       // scale of Cauchy's loss
   double pairing_hz = 50;   // rows that are nearest to one period start as one instant
   int rounds = 4;           // knots are chosen again after each, by the offsets found

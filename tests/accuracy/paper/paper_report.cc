@@ -53,7 +53,7 @@ std::vector<std::string> PointLimits(const PaperRecordingOptions& recording) {
 std::vector<std::string> RenderedLimits(const PaperRecordingOptions& recording) {
   return {
       "Rendered: pictures and events are simulated from light on and pass the detectors of an "
-      "agent. All else is as in the real world but lenses, which are exactly as given.",
+      "agent. Lenses are exactly as given.",
       "Frames are exposed for 2 ms, one blink. The wand (LEDs of 500.1 Hz, said to be 500) is in "
       "the detection experiments' office, boards are before a plain wall with noise of 2 grey "
       "levels, a frame of a board that moves is the mean of up to four pictures.",

@@ -458,8 +458,7 @@ TEST(PaperRun, ShortVersionHasItsDigest) {
   PaperOptions options;
   options.recording.duration_s = 5;
   options.recording.path_s = 2;
-  options.recording.board_rate_hz = 5;
-  options.only = "together";
+  options.only = "together: wand";
   const std::vector<PaperRow> rows = RunPaper(options);
   ASSERT_THAT(rows, Not(SizeIs(0)));
   EXPECT_EQ(PaperDigest(rows), DigestOf("short")) << PaperCsv(rows);

@@ -13,12 +13,10 @@ namespace rigcal::accuracy {
 // centres alike; spans, intrinsics and clocks as given; no loss, nothing left out. Ceres
 // (tests/bench/reference_bundle.h).
 //
-// Not repeated is how the paper finds its starting values: cameras start where `start` has them,
-// which is a calibration of the same cameras. The result has its frame, offsets and rates of 0 and
-// the residuals of this solve, and no covariance. INVALID_ARGUMENT: not a wand, or a camera that
-// `start` lacks. FAILED_PRECONDITION: fewer than ten such instants, or no
-// convergence.
-absl::StatusOr<CalibrationResult> SolveIndexPaired(const server::CalibrationInput& input,
-                                                   const CalibrationResult& start);
+// It starts from the poses of pairs of cameras (paired_start.h); how the paper finds its starting
+// values is not repeated. The frame of the result is the first track's, offsets and rates are 0,
+// and it has the residuals of this solve, and no covariance. INVALID_ARGUMENT: not a wand, or as
+// StartFromPairs. FAILED_PRECONDITION: fewer than ten such instants, no start, or no convergence.
+absl::StatusOr<CalibrationResult> SolveIndexPaired(const server::CalibrationInput& input);
 
 }  // namespace rigcal::accuracy

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,9 +21,11 @@ enum class PaperMethod : uint8_t {
   kWand = 1,             // server::Calibrate with its defaults
   kCircles = 2,          // server::Calibrate with a board whose points are held as given
   kChecker = 3,
-  kTruth = 4,  // no calibration: the simulated rig itself; what the marker's own noise leaves
+  kCirclesSpline = 4,  // spline_solve.h: a stand-in for kalibr
+  kCheckerSpline = 5,
+  kTruth = 6,  // no calibration: the simulated rig itself; what the marker's own noise leaves
 };
-inline constexpr int kPaperMethods = 5;
+inline constexpr int kPaperMethods = 7;
 const char* NameOf(PaperMethod method);
 
 // What is the matter with a rig.
@@ -30,7 +33,7 @@ struct PaperCondition {
   const char* name;
   double first_camera_early_s = 0;
   double bump_m = 0, bump_deg = 0;
-  bool boards_noisy_as_wand = false;  // only boards differ from the first condition
+  bool boards_noisy_as_wand = false;  // points only; only boards differ from the first condition
   double wand_sigma_m = 0, board_sigma_m = 0;
 };
 inline constexpr PaperCondition kPaperConditions[] = {
@@ -43,7 +46,8 @@ inline constexpr PaperCondition kPaperConditions[] = {
 
 struct PaperOptions {
   PaperRecordingOptions recording;  // its seed is not looked at
-  int seeds = 3;
+  bool points = false;              // else pictures and events are rendered, and detected
+  int seeds = 1;
   int first_seed = 1;
   int threads = 2;
   std::string only;  // rows with this in "CONDITION: METHOD"; empty: all
@@ -61,21 +65,40 @@ struct PaperSums {
 
 struct PaperCamera {
   std::string camera;
+  int views = 0;       // in which it sees the target, all seeds
   PaperSums error_px;  // distance of measured from projected centres, nothing left out
+};
+
+// The first seconds of a wave alone.
+struct PaperShorterWave {
+  double waved_s = 0;
+  PaperSums exact_path_m;
+  int solved = 0;  // seeds
 };
 
 // One method under one condition, over all seeds.
 struct PaperRow {
   std::string condition;
   PaperMethod method = PaperMethod::kWand;
-  std::vector<PaperCamera> cameras;  // Table I: by name; empty where it has no row
-  PaperSums path_m;                  // Table II: distances of one marker from its path
-  PaperSums exact_path_m;            // the same where its centres have no noise
-  double waved_s = 0;                // of each seed
-  double instants = 0;               // mean over the seeds that were solved
-  int solved = 0;                    // seeds
+  // Table I: by name; empty where it has no row. A camera that sees the target too seldom has no
+  // errors.
+  std::vector<PaperCamera> cameras;
+  PaperSums path_m;  // Table II: distances of one marker from its path
+  // The same where its centres have no noise; where pictures are rendered, of frame cameras alone.
+  PaperSums exact_path_m;
+  // exact_path_m of shorter waves, under the first condition: the last one is all of it.
+  std::vector<PaperShorterWave> course;
+  double waved_s = 0;   // of each seed
+  double instants = 0;  // mean over the seeds that were solved
+  int solved = 0;       // seeds
   absl::Status first_failure;
 };
+
+// Shares of a wave that PaperRow::course has.
+inline constexpr double kPaperShares[] = {0.125, 0.25, 0.375, 0.5, 0.75, 1};
+// Seconds of waving from which on the error of the calibration stays within 1.2 of that of the
+// whole wave; none where there is no course.
+std::optional<double> EnoughWavingS(const PaperRow& row);
 
 // "CONDITION: METHOD", what `only` looks into.
 std::string NameOf(const PaperRow& row);

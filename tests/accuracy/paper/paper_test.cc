@@ -6,18 +6,27 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
 #include <string>
 #include <vector>
 
+#include "tests/accuracy/paper/film_camera.h"
 #include "tests/accuracy/paper/index_paired_solve.h"
+#include "tests/accuracy/paper/paper_plot.h"
 #include "tests/accuracy/paper/paper_recording.h"
 #include "tests/accuracy/paper/paper_report.h"
 #include "tests/accuracy/paper/paper_run.h"
+#include "tests/accuracy/paper/paper_scene.h"
+#include "tests/accuracy/paper/spline_solve.h"
 #include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
 
 namespace rigcal::accuracy::paper_test {
 namespace {
 
+using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -31,6 +40,7 @@ constexpr double kMeanOfRayleigh = 1.2533;  // of sigma 1: the square root of pi
 
 PaperOptions Short() {
   PaperOptions options;
+  options.points = true;
   options.recording.duration_s = 10;
   options.recording.path_s = 6;
   options.recording.board_rate_hz = 4;
@@ -120,21 +130,156 @@ TEST(PaperRecording, RefusesOptionsThatMakeNoWorld) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("duration")));
 }
 
+TEST(PaperRecording, LeavesOutACameraThatSeesTheBoardTooSeldom) {
+  PaperRecordingOptions options = Short().recording;
+  options.board_angle_deg = 12;
+  ASSERT_OK_AND_ASSIGN(const PaperRecording recording, RecordPaper(options, PaperTarget::kChecker));
+  ASSERT_THAT(recording.views, SizeIs(kPaperCameras));
+  for (const auto& [camera, views] : recording.views) {
+    const bool takes_part = std::ranges::any_of(
+        recording.input.tracks,
+        [&](const server::CameraTrack& track) { return track.camera.camera == camera; });
+    EXPECT_EQ(takes_part, views >= kPaperLeastViews) << camera;
+  }
+  EXPECT_LT(recording.input.tracks.size(), size_t{kPaperCameras});
+}
+
 TEST(IndexPairedSolve, RefusesBoardsAndRowsThatShareNothing) {
   ASSERT_OK_AND_ASSIGN(const PaperRecording board,
                        RecordPaper(Short().recording, PaperTarget::kCircles));
-  EXPECT_THAT(SolveIndexPaired(board.input, {}),
+  EXPECT_THAT(SolveIndexPaired(board.input),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("wand")));
   ASSERT_OK_AND_ASSIGN(PaperRecording wand, RecordPaper(Short().recording, PaperTarget::kWand));
-  EXPECT_THAT(SolveIndexPaired(wand.input, {}),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("frame_0")));
-  CalibrationResult start;
-  for (server::CameraTrack& track : wand.input.tracks) {
-    start.cameras.emplace_back().camera = track.camera.camera;
-    track.observations.resize(5);
-  }
-  EXPECT_THAT(SolveIndexPaired(wand.input, start),
+  server::CalibrationInput no_lens = wand.input;
+  no_lens.tracks[1].camera.intrinsics.reset();
+  EXPECT_THAT(SolveIndexPaired(no_lens),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("frame_1")));
+  for (server::CameraTrack& track : wand.input.tracks) track.observations.resize(5);
+  EXPECT_THAT(SolveIndexPaired(wand.input),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("fewer than 10")));
+}
+
+TEST(SplineSolve, RefusesWandsAndBoardsThatNoTwoCamerasSee) {
+  ASSERT_OK_AND_ASSIGN(const PaperRecording wand,
+                       RecordPaper(Short().recording, PaperTarget::kWand));
+  EXPECT_THAT(SolveSpline(wand.input),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rigid")));
+  ASSERT_OK_AND_ASSIGN(PaperRecording board, RecordPaper(Short().recording, PaperTarget::kChecker));
+  board.input.tracks.resize(1);
+  EXPECT_THAT(SolveSpline(board.input),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("0 times")));
+  board.input.tracks.clear();
+  EXPECT_THAT(SolveSpline(board.input),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rigid")));
+}
+
+TEST(SplineSolve, FindsRigAndClocks) {
+  PaperRecordingOptions options = Short().recording;
+  options.duration_s = 8;
+  options.board_rate_hz = 25;  // the path has more views than knots
+  options.first_camera_early_s = 0.008;
+  ASSERT_OK_AND_ASSIGN(const PaperRecording recording, RecordPaper(options, PaperTarget::kCircles));
+  ASSERT_OK_AND_ASSIGN(const CalibrationResult solved, SolveSpline(recording.input));
+  ASSERT_THAT(solved.cameras, SizeIs(kPaperCameras));
+  for (const CalibratedCamera& camera : solved.cameras) {
+    // frame_0, the reference, is 8 ms early. At 1.5 m/s and 3 m, 0.1 ms are 0.06 px, and the noise
+    // of an event camera, 0.35 px of each coordinate, is 0.5 ms.
+    const double expected_s = camera.camera == "frame_0" ? 0 : 0.008;
+    const bool event = camera.camera.starts_with("event");
+    EXPECT_NEAR(camera.time_offset_s, expected_s, event ? 6e-4 : 1e-4) << camera.camera;
+    EXPECT_GT(camera.residuals.all.marker_count, 100u) << camera.camera;
+    const PaperNoise noise = NoiseOf(PaperTarget::kCircles);
+    EXPECT_LT(camera.residuals.all.mean_px,
+              3 * kMeanOfRayleigh * (event ? noise.event_px : noise.frame_px))
+        << camera.camera;
+  }
+  ASSERT_OK_AND_ASSIGN(const PathErrors errors,
+                       ComparePathOf(solved, recording.exact_marker, recording.path));
+  EXPECT_LT(errors.mean_m, 3e-4);
+}
+
+// Gross errors that a least-squares solve would follow.
+TEST(SplineSolve, LeavesOutliersAside) {
+  PaperRecordingOptions options = Short().recording;
+  options.board_rate_hz = 10;
+  ASSERT_OK_AND_ASSIGN(PaperRecording recording, RecordPaper(options, PaperTarget::kChecker));
+  for (server::CameraTrack& track : recording.input.tracks) {
+    for (size_t i = 0; i < track.observations.size(); i += 7) {
+      for (MarkerObservation& marker : track.observations[i].markers) {
+        marker.centre_px.x() += 25;
+      }
+    }
+  }
+  ASSERT_OK_AND_ASSIGN(const CalibrationResult solved, SolveSpline(recording.input));
+  ASSERT_OK_AND_ASSIGN(const PathErrors errors,
+                       ComparePathOf(solved, recording.exact_marker, recording.path));
+  EXPECT_LT(errors.mean_m, 1e-3);  // 25 px at 3 m are 60 mm
+}
+
+// A short film; what a test compares with the projections of the truth.
+PaperRecordingOptions ShortFilm() {
+  PaperRecordingOptions options;
+  options.duration_s = 0.6;
+  options.path_s = 0.6;
+  options.board_rate_hz = 10;
+  return options;
+}
+
+// Root mean square of the distances of found centres from `truth`'s, by row and marker; both have
+// the same rows.
+double RmsPx(const std::vector<Observation>& found, const std::vector<Observation>& truth,
+             int* count) {
+  double squares_px2 = 0;
+  *count = 0;
+  for (size_t i = 0; i < std::min(found.size(), truth.size()); ++i) {
+    for (size_t m = 0; m < found[i].markers.size(); ++m) {
+      if (!found[i].markers[m].visible || !truth[i].markers[m].visible) continue;
+      squares_px2 += (found[i].markers[m].centre_px - truth[i].markers[m].centre_px).squaredNorm();
+      ++*count;
+    }
+  }
+  return std::sqrt(squares_px2 / std::max(1, *count));
+}
+
+TEST(FilmCamera, FindsTheWandWhereItIs) {
+  const PaperRecordingOptions options = ShortFilm();
+  ASSERT_OK_AND_ASSIGN(const PaperScene scene,
+                       PaperScene::Create(options, PaperTarget::kWand, PaperMotion::kWave));
+  ASSERT_OK_AND_ASSIGN(const PaperRecording points, RecordPaper(options, PaperTarget::kWand));
+  for (const int camera : {1, kPaperFrameCameras}) {
+    ASSERT_OK_AND_ASSIGN(const auto rows, FilmCamera(scene, options, camera));
+    const auto& truth = points.input.tracks[static_cast<size_t>(camera)].observations;
+    ASSERT_EQ(rows.size(), truth.size());
+    int count = 0;
+    const double rms_px = RmsPx(rows, truth, &count);
+    EXPECT_GT(count, 20) << camera;
+    // The points' own noise is 0.1 px; a flash up to 1 ms from the trigger shows the wand 1.5 mm
+    // away, 0.7 px.
+    EXPECT_LT(rms_px, camera == 1 ? 0.25 : 0.8) << camera;
+    EXPECT_EQ(rows.back().time_ns / 1'000'000, truth.back().time_ns / 1'000'000);
+  }
+}
+
+TEST(FilmCamera, FindsBoardsInFramesAndNoCheckerInEvents) {
+  PaperRecordingOptions options = ShortFilm();
+  options.board_turn_s = 4;
+  for (const PaperTarget target : {PaperTarget::kCircles, PaperTarget::kChecker}) {
+    ASSERT_OK_AND_ASSIGN(const PaperScene scene,
+                         PaperScene::Create(options, target, PaperMotion::kWave));
+    int count = 0;
+    ASSERT_OK_AND_ASSIGN(const auto rows, FilmCamera(scene, options, 0));
+    ASSERT_EQ(rows.size(), 6u);
+    EXPECT_GT(ViewCount(rows), 3);
+    std::vector<Observation> truth;
+    for (int frame = 0; frame < scene.FrameCount(); frame += BoardFrameStep(options)) {
+      truth.push_back(scene.world().ObserveWand(0, frame, scene.PoseAt(scene.TimeS(0, frame))));
+    }
+    EXPECT_LT(RmsPx(rows, truth, &count), 0.1);
+    EXPECT_GT(count, 100);
+    if (target == PaperTarget::kCircles) continue;
+    ASSERT_OK_AND_ASSIGN(const auto none, FilmCamera(scene, options, kPaperFrameCameras));
+    EXPECT_EQ(ViewCount(none), 0);
+  }
 }
 
 TEST(PaperRun, SameForTwoRunsAndForOneAndTwoThreads) {
@@ -223,10 +368,100 @@ TEST(PaperReport, NamesTheCommandOfEachRow) {
                               "`rigcal-accuracy paper --first-seed 7 --only \"together: wand by "
                               "rigcal\"` |"));
   EXPECT_THAT(page, HasSubstr("nobody saw it"));
-  EXPECT_THAT(page, HasSubstr("Missing: kalibr"));
+  EXPECT_THAT(page, HasSubstr("published as figures only"));
+  EXPECT_THAT(page, HasSubstr("not kalibr"));
   const std::string csv = PaperCsv({solved, failed});
-  EXPECT_THAT(csv, HasSubstr("I,together,\"wand by rigcal\",frame_0,px,3,4,10\n"));
+  EXPECT_THAT(csv, HasSubstr("I,together,\"wand by rigcal\",frame_0,px,3.000,4.000,10\n"));
   EXPECT_THAT(csv, Not(HasSubstr("checkerboard")));
+}
+
+TEST(PaperReport, SaysWhoDoesNotSeeTheTarget) {
+  PaperRow row;
+  row.condition = "together";
+  row.method = PaperMethod::kCircles;
+  row.cameras.resize(2);
+  row.cameras[0].camera = "frame_0";
+  row.cameras[0].error_px.Add(1, 1, 10);
+  row.cameras[1].camera = "event_0";
+  row.cameras[1].views = 3;
+  row.path_m.Add(0.001, 0.001, 10);
+  row.exact_path_m.Add(0.001, 0.001, 10);
+  row.solved = 1;
+  EXPECT_THAT(PaperText({}, {row}, {}), HasSubstr("not seen (3)"));
+  EXPECT_THAT(PaperPage({}, {row}, {}), HasSubstr("event_0 not seen (3)"));
+  const std::string csv = PaperCsv({row});
+  EXPECT_THAT(csv, HasSubstr("views,together,\"circle board by rigcal\",event_0,,,,3\n"));
+  EXPECT_THAT(csv, Not(HasSubstr("event_0,px")));
+  EXPECT_THAT(csv, Not(HasSubstr("nan")));
+}
+
+TEST(PaperReport, DigestIsOfTheFiguresThatArePrinted) {
+  PaperRow row;
+  row.condition = "together";
+  row.path_m.Add(0.0012344, 0.0012344, 10);
+  row.exact_path_m = row.path_m;
+  row.solved = 1;
+  const std::string digest = PaperDigest({row});
+  EXPECT_THAT(digest, SizeIs(64));
+  PaperRow same = row, other = row;
+  same.path_m.sum += 1e-9;  // 1e-10 m
+  other.path_m.sum += 2e-5;
+  EXPECT_EQ(PaperDigest({same}), digest);
+  EXPECT_NE(PaperDigest({other}), digest);
+}
+
+TEST(PaperRun, EnoughWavingIsWhereTheErrorStays) {
+  PaperRow row;
+  row.solved = 1;
+  EXPECT_FALSE(EnoughWavingS(row).has_value());
+  // By chance good after 5 s, not after 10.
+  const double errors_mm[] = {9, 1.1, 1.5, 1.1, 1};
+  for (int i = 0; i < 5; ++i) {
+    PaperShorterWave& shorter = row.course.emplace_back();
+    shorter.waved_s = 5.0 * i;
+    shorter.exact_path_m.Add(1e-3 * errors_mm[i], 1e-3 * errors_mm[i], 10);
+    shorter.solved = 1;
+  }
+  EXPECT_EQ(EnoughWavingS(row), 15);
+  row.course[3].solved = 0;
+  EXPECT_EQ(EnoughWavingS(row), 20);
+}
+
+TEST(PaperPlot, RefusesWhatItCannotDraw) {
+  PaperRow row;
+  const rigcal::testing::TemporaryDirectory folder;
+  EXPECT_THAT(DrawPaper({row}, folder.path() / "a.png"),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("nothing to draw")));
+  row.course.emplace_back().waved_s = 5;
+  row.course[0].solved = 1;
+  row.course[0].exact_path_m.Add(1e-4, 1e-4, 10);
+  EXPECT_THAT(DrawPaper({row}, folder.path() / "a.png"), IsOk());
+  EXPECT_GT(std::filesystem::file_size(folder.path() / "a.png"), 1000u);
+  EXPECT_THAT(DrawPaper({row}, folder.path() / "nowhere/a.png"),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("nowhere")));
+}
+
+// Of tests/accuracy/paper/digests.txt: NAME DIGEST ARGUMENTS...
+std::string DigestOf(const std::string& name) {
+  std::ifstream file(RIGCAL_SOURCE_DIR "/tests/accuracy/paper/digests.txt");
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line);
+    std::string first, digest;
+    words >> first >> digest;
+    if (first == name) return digest;
+  }
+  return "";
+}
+
+// From light to tables: the same digits on every build and CPU.
+TEST(PaperRun, ShortVersionHasItsDigest) {
+  PaperOptions options;
+  options.recording.duration_s = 5;
+  options.recording.path_s = 2;
+  options.only = "together: wand";
+  const std::vector<PaperRow> rows = RunPaper(options);
+  ASSERT_THAT(rows, Not(SizeIs(0)));
+  EXPECT_EQ(PaperDigest(rows), DigestOf("short")) << PaperCsv(rows);
 }
 
 TEST(Paper, SaysWhatItDoesNotKnow) {

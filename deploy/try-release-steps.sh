@@ -24,7 +24,7 @@ value() { systemctl show --property="$2" --value "$1"; }
 
 step "install"
 began=$SECONDS
-quietly apt-get install -y --no-install-recommends --no-download /opt/first/*.deb
+quietly apt-get install -y --no-install-recommends /opt/first/*.deb
 echo "apt install: $((SECONDS - began)) s"
 for program in rigcal rigcal-agent rigcal-server rigcal-worker; do $program --version; done
 du -ch --apparent-size /usr/bin/rigcal* | tail -n 1
@@ -71,7 +71,7 @@ systemctl daemon-reload
 
 step "upgrade"
 began=$SECONDS
-quietly apt-get install -y --no-install-recommends --no-download /opt/second/*.deb
+quietly apt-get install -y --no-install-recommends /opt/second/*.deb
 echo "apt upgrade: $((SECONDS - began)) s"
 dpkg-query -W 'rigcal*'
 expect active systemctl is-active rigcal-server
@@ -92,7 +92,7 @@ test ! -e /etc/rigcal
 test -f /var/lib/rigcal/rigcal.db
 
 step "install again: it is still there"
-quietly apt-get install -y --no-install-recommends --no-download /opt/first/rigcal_*.deb /opt/first/rigcal-server_*.deb
+quietly apt-get install -y --no-install-recommends /opt/first/rigcal_*.deb /opt/first/rigcal-server_*.deb
 expect active systemctl is-active rigcal-server
 rigcal session list | grep kept
 

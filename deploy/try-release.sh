@@ -27,9 +27,9 @@ done
 mkdir -p "$work"
 if [ ! -f "$debian.tar" ]; then
   say "making a bare Debian $suite ..."
-  mmdebstrap --quiet --variant=minbase --include=systemd-sysv "$suite" "$debian.tar.part" \
+  mmdebstrap --quiet --variant=minbase --include=systemd-sysv "$suite" "$work/new.tar" \
     ${RIGCAL_DEBIAN_MIRROR:+"$RIGCAL_DEBIAN_MIRROR"}
-  mv "$debian.tar.part" "$debian.tar"
+  mv "$work/new.tar" "$debian.tar"
 fi
 rm -rf "$debian"
 mkdir -p "$debian"
@@ -51,8 +51,9 @@ cp /etc/resolv.conf "$debian/etc/resolv.conf"
 apt-config dump Acquire | grep -E '^Acquire::(Check-|https?::Proxy|https?::[^ ]*::Proxy)' \
   >"$debian/etc/apt/apt.conf.d/90of-this-pc" || true
 began=$SECONDS
-chroot "$debian" sh -c 'apt-get -qq update && apt-get -qq -y install --download-only /opt/first/*.deb' \
-  || fail "the packages cannot be installed on $suite: see above; were they built on it?"
+chroot "$debian" sh -c 'apt-get -qq update && apt-get -qq -y install --no-install-recommends --download-only /opt/first/*.deb' \
+  >"$work/apt.log" 2>&1 \
+  || { tail -n 20 "$work/apt.log" >&2; fail "apt cannot install the packages on $suite; were they built on it?"; }
 say "apt downloaded in $((SECONDS - began)) s"
 
 cp "$root/deploy/try-release-steps.sh" "$debian/opt/steps.sh"

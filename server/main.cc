@@ -371,7 +371,8 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
   if (web->authority() != nullptr) TellHowToJoin(*web);
   auto announcement = Announce(config, port, web.get());
 
-  TellReady(absl::StrCat("listens on ", config.listen, ", the dashboard is at ", web->LocalUrl()));
+  TellReady(
+      absl::StrCat("accepts calls at port ", port, ", the dashboard is at ", web->LocalUrl()));
   const int received = WaitForSignal(stop_signals, [&] {
     store->Health();
     ingest.Stats();

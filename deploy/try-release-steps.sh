@@ -50,20 +50,6 @@ value rigcal-agent StatusText
 sleep 2
 rigcal agent list | grep 'connected.*sim:camera=0'
 
-step "on the network: the agent joins"
-sed -i 's/^#listen = "127.0.0.1:7420"/listen = "0.0.0.0:7420"/' /etc/rigcal/server.toml
-systemctl restart rigcal-server
-expect active systemctl is-active rigcal-server
-joins=$(runuser -u rigcal -- rigcal token create --name pc-1)
-systemctl stop rigcal-agent
-rm -r /var/lib/rigcal-agent/*
-runuser -u rigcal-agent -- rigcal-agent join --config /etc/rigcal/agent.toml --server 127.0.0.1:7421 "$joins"
-systemctl start rigcal-agent
-sleep 2
-runuser -u rigcal -- rigcal agent list | grep 'pc-1.*connected'
-sed -i 's/^listen = "0.0.0.0:7420"/#listen = "127.0.0.1:7420"/' /etc/rigcal/server.toml
-systemctl restart rigcal-server
-
 step "calibrate a simulated rig"
 began=$SECONDS
 rigcal local --simulate "cameras=4;duration=20" --target wand:0,0.13,0.39

@@ -30,6 +30,7 @@
 #include "common/failpoint/failpoint.h"
 #include "common/identity/identity_folder.h"
 #include "common/log/start_log.h"
+#include "common/service/service_notice.h"
 #include "common/status/status_macros.h"
 #include "common/text/printable.h"
 #include "common/wire/protocol_version.h"
@@ -235,8 +236,9 @@ absl::StatusOr<int> RunAgent(const Flags& flags, const sigset_t& signals) {
   running = uplink.get();
   uplink->Start();
   if (folder.Exists()) renewal.Start();
-  int signal = 0;
-  sigwait(&signals, &signal);
+  TellReady(absl::StrCat("sends to ", config.server));
+  const int signal = WaitForSignal(signals, [&] { spool->Status(); });
+  TellStopping();
   spdlog::info("signal {}: ending captures", signal);
   const LeftBehind left = uplink->Shutdown(kDeliveryTimeAtEnd);
   renewal.Shutdown();

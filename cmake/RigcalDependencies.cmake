@@ -21,6 +21,7 @@ pkg_check_modules(SQLITE3 REQUIRED IMPORTED_TARGET sqlite3)
 pkg_check_modules(LIBXML2 REQUIRED IMPORTED_TARGET libxml-2.0)
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)
 pkg_check_modules(HDF5 REQUIRED IMPORTED_TARGET hdf5)
+pkg_check_modules(SYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 pkg_check_modules(AVAHI IMPORTED_TARGET avahi-client) # optional: common/discovery
 if(NOT AVAHI_FOUND)
   message(STATUS "Servers are not found by mDNS: libavahi-client-dev is not installed")

@@ -3,6 +3,7 @@
 # Installs the Debian 12 packages that rigcal needs. Does nothing if all of them are installed.
 #   deploy/install-deps.sh            packages for building, testing and running
 #   deploy/install-deps.sh --list     only prints the missing packages
+#   deploy/install-deps.sh --packages also what makes Debian packages of rigcal (deploy/package.sh)
 set -euo pipefail
 
 packages=(
@@ -16,6 +17,8 @@ packages=(
   libaravis-dev libusb-1.0-0-dev
   # finding servers by mDNS (optional; to run: avahi-daemon)
   libavahi-client-dev libavahi-common-dev
+  # services of systemd
+  libsystemd-dev
   # event files
   libhdf5-dev
   # network namespaces of the demos, and their faults
@@ -35,6 +38,8 @@ packages=(
 # The dashboard and its tests, unless these programs are here from elsewhere.
 command -v node >/dev/null && command -v npm >/dev/null || packages+=(nodejs npm)
 command -v chromium >/dev/null || packages+=(chromium)
+
+[ "${1:-}" != --packages ] || packages+=(debhelper dpkg-dev pandoc)
 
 missing=()
 for package in "${packages[@]}"; do

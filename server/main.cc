@@ -25,6 +25,7 @@
 #include "common/discovery/discovery.h"
 #include "common/failpoint/failpoint.h"
 #include "common/log/start_log.h"
+#include "common/service/service_notice.h"
 #include "common/status/status_macros.h"
 #include "common/text/printable.h"
 #include "common/wire/protocol_version.h"
@@ -370,8 +371,13 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
   if (web->authority() != nullptr) TellHowToJoin(*web);
   auto announcement = Announce(config, port, web.get());
 
-  int received = 0;
-  sigwait(&stop_signals, &received);
+  TellReady(
+      absl::StrCat("accepts calls at port ", port, ", the dashboard is at ", web->LocalUrl()));
+  const int received = WaitForSignal(stop_signals, [&] {
+    store->Health();
+    ingest.Stats();
+  });
+  TellStopping();
   spdlog::info("stopping on signal {}", received);
   announcement.reset();
   // In the order of the data flow: nothing more arrives, deliveries are written, then the rest.

@@ -25,6 +25,8 @@ namespace rigcal::wire {
 namespace {
 
 constexpr char kLoopbackServer[] = "127.0.0.1:7420";
+// Of a server that runs as a service: deploy/systemd/rigcal-server.service.
+constexpr char kServiceData[] = "/var/lib/rigcal";
 constexpr std::string_view kUnix = "unix:";
 
 // $VARIABLE, else $HOME/BELOW; empty: neither is set.
@@ -98,10 +100,13 @@ bool IsOnThisMachine(std::string_view address) {
 std::string DefaultServerAddress(const ClientIdentity& identity) {
   const std::vector<std::string> joined = JoinedServers(identity);
   if (!joined.empty()) return joined.front();
+  std::vector<std::filesystem::path> folders;
   const std::filesystem::path data = BaseFolder("XDG_DATA_HOME", ".local/share");
-  const std::filesystem::path socket_file = data / "rigcal" / "rigcal.sock";
-  if (!data.empty() && Answers(socket_file)) {
-    return absl::StrCat(std::string(kUnix), socket_file.string());
+  if (!data.empty()) folders.push_back(data / "rigcal");
+  folders.emplace_back(kServiceData);
+  for (const std::filesystem::path& folder : folders) {
+    const std::filesystem::path socket_file = folder / "rigcal.sock";
+    if (Answers(socket_file)) return absl::StrCat(std::string(kUnix), socket_file.string());
   }
   return kLoopbackServer;
 }

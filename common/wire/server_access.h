@@ -31,7 +31,8 @@ struct ClientIdentity {
 bool IsOnThisMachine(std::string_view address);
 
 // The server to ask where none is named: the first that this PC has joined; else the socket file of
-// a server of this user that answers; else 127.0.0.1:7420.
+// a server of this user that answers, in the user's own data folder or in that of the service; else
+// 127.0.0.1:7420.
 std::string DefaultServerAddress(const ClientIdentity& identity);
 
 // None for a server on this machine that was not joined. For others mutual TLS with the files of

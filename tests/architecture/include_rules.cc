@@ -12,8 +12,8 @@ const std::vector<Layer>& Layers() {
   static const auto* const kLayers = new std::vector<Layer>{
       // What all programs share.
       {"numbers and words",
-       {"common/failpoint", "common/geometry", "common/statistics", "common/status", "common/text",
-        "common/time"}},
+       {"common/failpoint", "common/geometry", "common/service", "common/statistics",
+        "common/status", "common/text", "common/time"}},
       {"files, options, boards",
        {"common/associate", "common/board", "common/file", "common/light_code", "common/log",
         "common/options"}},
@@ -152,6 +152,7 @@ const std::vector<LibraryRule>& LibraryRules() {
         "agent/capture", "agent/detect", "agent/identify", "agent/command"}},
       {"Aravis", {"arv", "glib"}, {"agent/capture/genicam"}},
       {"Avahi", {"avahi-"}, {"common/discovery"}},
+      {"libsystemd", {"systemd/"}, {"common/service"}},
       {"the Metavision SDK", {"metavision/"}, {"agent/capture/metavision"}},
       {"CLI11",
        {"CLI/"},

@@ -4,9 +4,13 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "client/commands/command_parser.h"
 #include "client/commands/fetch_calibration.h"
 #include "client/commands/triangulate_stream.h"
@@ -25,25 +29,73 @@
 namespace rigcal::client {
 namespace {
 
+std::string EndingOf(const TriangulateCommandOptions& options) {
+  return absl::AsciiStrToLower(std::filesystem::path(options.output).extension().string());
+}
+
+absl::Status CheckEnding(const TriangulateCommandOptions& options) {
+  const std::string ending = EndingOf(options);
+  for (const char* const known : {"", ".csv", ".txt", ".parquet", ".trc", ".c3d"}) {
+    if (ending == known) return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      options.output, ": points are written as .csv, .parquet, .trc or .c3d, not as ", ending));
+}
+
+// No marker was seen by two cameras at one moment: said with when each camera has seen any.
+absl::Status CheckAnyPoint(const CalibrationResult& calibration,
+                           const std::vector<CameraRows>& rows,
+                           const Triangulation& triangulation) {
+  const bool any = !triangulation.points.empty() || triangulation.no_ray_count > 0 ||
+                   triangulation.disagree_count > 0;
+  if (any) return absl::OkStatus();
+  std::vector<std::string> when;
+  std::optional<double> begin_s;
+  for (const CameraRows& camera : rows) {
+    const auto calibrated =
+        std::ranges::find(calibration.cameras, camera.camera, &CalibratedCamera::camera);
+    std::optional<double> first_s, last_s;
+    for (const Observation& row : camera.rows) {
+      if (row.VisibleCount() == 0) continue;
+      last_s = 1e-9 * static_cast<double>(row.time_ns) +
+               (calibrated == calibration.cameras.end() ? 0 : calibrated->time_offset_s);
+      if (!first_s) first_s = last_s;
+    }
+    if (!first_s) {
+      when.push_back(absl::StrCat(camera.camera, " no marker"));
+      continue;
+    }
+    if (!begin_s) begin_s = first_s;
+    when.push_back(absl::StrFormat("%s from %.1f to %.1f s", camera.camera, *first_s - *begin_s,
+                                   *last_s - *begin_s));
+  }
+  return absl::FailedPreconditionError(absl::StrCat(
+      "there is no point: no marker was seen by two cameras at one moment. By the clocks of the "
+      "calibration there is of ",
+      absl::StrJoin(when, ", of "),
+      ". Are the rows of one recording, and were no clocks set anew since the calibration?"));
+}
+
 // In the format that the ending of the output names.
 absl::StatusOr<std::string> PointsText(const TriangulateCommandOptions& options,
                                        const Triangulation& triangulation,
                                        const std::vector<std::string>& labels) {
-  const std::filesystem::path output = options.output;
-  if (output.extension() == ".parquet") {
+  const std::string ending = EndingOf(options);
+  if (ending == ".parquet") {
     return TriangulationParquet(triangulation, labels, options.calibration);
   }
-  if (output.extension() != ".trc" && output.extension() != ".c3d") {
-    return TriangulationCsv(triangulation, labels);
-  }
+  if (ending != ".trc" && ending != ".c3d") return TriangulationCsv(triangulation, labels);
   RIGCAL_ASSIGN_OR_RETURN(const PointFrames frames, FramesOf(triangulation, labels));
-  if (output.extension() == ".trc") return TrcFile(frames, output.filename().string());
+  if (ending == ".trc") {
+    return TrcFile(frames, std::filesystem::path(options.output).filename().string());
+  }
   return C3dFile(frames, options.calibration);
 }
 
 absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandOptions& options,
                                                        CommandContext& context) {
   if (options.output != "-") {
+    RIGCAL_RETURN_IF_ERROR(CheckEnding(options));
     RIGCAL_RETURN_IF_ERROR(CheckOutputFile(options.output, options.force));
   }
   if (std::error_code error; !std::filesystem::is_directory(options.data, error)) {
@@ -68,6 +120,7 @@ absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandO
       options.diameter_m.value_or(calibration.target.given.diameter_m);
   RIGCAL_ASSIGN_OR_RETURN(const Triangulation triangulation,
                           TriangulateRows(calibration, rows.cameras, triangulation_options));
+  RIGCAL_RETURN_IF_ERROR(CheckAnyPoint(calibration, rows.cameras, triangulation));
   RIGCAL_RETURN_IF_ERROR(
       CheckConvention(calibration, rows.cameras, triangulation_options, triangulation));
   const std::vector<std::string> labels = MarkerLabels(calibration.target.given, marker_count);

@@ -116,10 +116,11 @@ std::string Bar(double share) {
 }
 
 std::string ClockText(const v1::LiveClock& clock) {
+  // Set by the wand's light code; what the estimate found on top of that says little.
+  if (clock.wand() != 0) return absl::StrFormat("by wand %d", static_cast<int>(clock.wand()));
   if (clock.has_time_offset_s()) {
     return absl::StrFormat("%+.1f ms", 1e3 * clock.time_offset_s());
   }
-  if (clock.wand() != 0) return absl::StrFormat("by wand %d", static_cast<int>(clock.wand()));
   if (clock.has_sample_spread_s()) {
     return absl::StrFormat("spread %.1f ms", 1e3 * clock.sample_spread_s());
   }

@@ -22,9 +22,8 @@ constexpr double kGapS = 30;
 constexpr double kBeyondS = 20, kWandRateSigma = 0.02;
 constexpr double kSameS = 0.06;  // two readings of one pair of clocks that say the same
 constexpr double kAgreeS = 0.02;
-constexpr double kMostContradicting = 0.1;  // of the readings of a clock
-constexpr double kWrongRate = 0.005;
-constexpr double kLeastRateS = 5;  // of readings
+constexpr double kMostContradicting = 0.1;               // of the readings of a clock
+constexpr double kWrongRate = 0.005, kMostDrift = 0.05;  // of a wand's clock
 
 // Of one clock epoch and wand.
 struct Readings {
@@ -110,22 +109,27 @@ std::optional<Relation> Relate(const Readings& a, const Readings& b) {
                   static_cast<int>(agreeing.size()), contradicting};
 }
 
-// Seconds of the wand per second of the camera; none where that is not known.
+// Seconds of the wand per second of the camera, of the longest stretch without a restart; none
+// where that is not known to a third of kWrongRate.
 std::optional<double> RateOf(const Readings& readings) {
-  std::vector<double> rates;
-  for (size_t i = 1; i < readings.samples.size(); ++i) {
-    const ClockSample& a = readings.samples[i - 1];
-    const ClockSample& b = readings.samples[i];
-    const double device_s = SinceS(a.device_ns, b.device_ns);
-    if (device_s > 0 && device_s < kGapS) {
-      rates.push_back(SinceS(a.light_ns, b.light_ns) / device_s);
+  const std::vector<ClockSample>& samples = readings.samples;
+  std::optional<double> rate;
+  double longest_s = 0;
+  for (size_t first = 0, i = 1; i < samples.size(); ++i) {
+    const double step_s = SinceS(samples[i - 1].device_ns, samples[i].device_ns);
+    const double wand_step_s = SinceS(samples[i - 1].light_ns, samples[i].light_ns);
+    if (!(step_s > 0) || step_s > kGapS || std::abs(wand_step_s - step_s) > kMostDrift * kGapS) {
+      first = i;
+      continue;
     }
+    const ClockSample &a = samples[first], &b = samples[i];
+    const double device_s = SinceS(a.device_ns, b.device_ns);
+    const double sigma_s = 1e-9 * std::hypot(a.uncertainty_ns, b.uncertainty_ns);
+    if (device_s <= longest_s || 3 * sigma_s > kWrongRate * device_s) continue;
+    longest_s = device_s;
+    rate = SinceS(a.light_ns, b.light_ns) / device_s;
   }
-  const double span_s = readings.samples.empty() ? 0
-                                                 : SinceS(readings.samples.front().device_ns,
-                                                          readings.samples.back().device_ns);
-  if (rates.empty() || span_s < kLeastRateS) return std::nullopt;
-  return LowerMedian(std::move(rates));
+  return rate;
 }
 
 // By wand, then by clock epoch.
@@ -168,6 +172,7 @@ class SessionLights {
         before->second.wand = wand;
         continue;
       }
+      NoteSet(wand, readings, before == known_.end() ? 0 : before->second.offset_ns, offset_ns);
       known_[key] = {offset_ns, relation->sigma_s, wand};
     }
   }
@@ -175,6 +180,13 @@ class SessionLights {
   void Note(StampFault::Kind kind, const std::string& camera, double size, std::string what) {
     if (faults_ == nullptr) return;
     faults_->push_back({kind, session_id_, camera, size, std::move(what)});
+  }
+
+  void NoteSet(uint32_t wand, const Readings& readings, int64_t before_ns, int64_t after_ns) {
+    Note(StampFault::Kind::kSetByLight, readings.camera, SinceS(before_ns, after_ns),
+         absl::StrFormat(
+             "its clock was set by the light code of wand %d, which it has read %d times",
+             static_cast<int>(wand), readings.samples.size()));
   }
 
   void NoteContradiction(uint32_t wand, const Readings& readings, const Readings& reference,
@@ -196,10 +208,11 @@ class SessionLights {
     const double rate = LowerMedian(std::move(rates));
     if (std::abs(rate - 1) < kWrongRate) return;
     Note(StampFault::Kind::kWandRate, "", 100 * (rate - 1),
-         absl::StrFormat("the clock of wand %d runs %.1f %% %s: look at its battery. The code was "
-                         "followed, and blink frequencies are off by as much",
-                         static_cast<int>(wand), 100 * std::abs(rate - 1),
-                         rate < 1 ? "slow" : "fast"));
+         absl::StrFormat(
+             "the clock of wand %d runs %.1f %% %s against those of the cameras: a wand "
+             "without a crystal whose battery sags, or cameras whose stamps do not count "
+             "seconds. The code was followed",
+             static_cast<int>(wand), 100 * std::abs(rate - 1), rate < 1 ? "slow" : "fast"));
   }
 
   // Clocks that have read different wands only are not related by them.
@@ -211,16 +224,21 @@ class SessionLights {
       cameras[wand] = clocks.size();
     }
     if (cameras.size() < 2) return;
-    const uint32_t most =
-        std::ranges::max_element(cameras, {}, &std::pair<const uint32_t, size_t>::second)->first;
+    const auto fewer = [](const auto& a, const auto& b) { return a.second < b.second; };
+    const auto [most, count] = *std::ranges::max_element(cameras, fewer);
+    const bool is_majority = std::ranges::count_if(cameras, [count = count](const auto& wand) {
+                               return wand.second == count;
+                             }) == 1;
+    std::vector<std::string> all;
     for (const auto& [camera, read] : wands) {
-      if (read.size() == 1 && read.contains(most)) continue;
-      std::vector<std::string> numbers;
-      for (const uint32_t wand : read) numbers.push_back(absl::StrCat(wand));
+      all.push_back(absl::StrCat(camera, ": ", absl::StrJoin(read, ", ")));
+    }
+    for (const auto& [camera, read] : wands) {
+      if (is_majority && read.size() == 1 && read.contains(most)) continue;
       Note(StampFault::Kind::kOtherWand, camera, static_cast<double>(*read.rbegin()),
-           absl::StrCat("it has seen wand ", absl::StrJoin(numbers, " and wand "),
-                        ", and most cameras wand ", most,
-                        ": wave one wand at a time, and switch the other off"));
+           absl::StrCat("cameras have read the light codes of different wands (",
+                        absl::StrJoin(all, "; "),
+                        "): wave one wand at a time, and switch the others off"));
     }
   }
 

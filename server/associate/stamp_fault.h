@@ -17,6 +17,7 @@ struct StampFault {
     kCopied,      // rows that another camera has as well; size: their share, percent
     kLightContradicts,  // of its readings of a wand's light code, those of others; size: percent
     kOtherWand,         // it has read the light code of another wand; size: that one's number
+    kSetByLight,        // its clock was set by a wand's light code; size: by how much, seconds
     kWandRate,          // of no camera: the wand's clock; size: percent, positive where fast
   };
   Kind kind = Kind::kSteps;

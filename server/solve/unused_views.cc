@@ -47,6 +47,8 @@ FindingKind KindOf(StampFault::Kind kind) {
       return FindingKind::kLightCodeContradicts;
     case StampFault::Kind::kOtherWand:
       return FindingKind::kOtherWandSeen;
+    case StampFault::Kind::kSetByLight:
+      return FindingKind::kClockByLightCode;
     case StampFault::Kind::kWandRate:
       return FindingKind::kWandClockWrong;
   }
@@ -56,6 +58,7 @@ FindingKind KindOf(StampFault::Kind kind) {
 const char* UnitOf(StampFault::Kind kind) {
   switch (kind) {
     case StampFault::Kind::kSteps:
+    case StampFault::Kind::kSetByLight:
       return "s";
     case StampFault::Kind::kOutOfOrder:
     case StampFault::Kind::kTwice:
@@ -69,7 +72,7 @@ const char* UnitOf(StampFault::Kind kind) {
     case StampFault::Kind::kWandRate:
       return "%";
     case StampFault::Kind::kOtherWand:
-      return "wand";
+      return "";
   }
   return "";
 }

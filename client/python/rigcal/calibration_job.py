@@ -18,7 +18,8 @@ class Progress:
 
     Attributes:
         state: "queued", "running", "succeeded" or "failed".
-        stage: "reading", "associating", "adjusting", ...; docs/api.md lists them.
+        stage: "reading", "associating", "adjusting", ...; docs/api.md lists them. "done" at
+            the end, however it went.
         fraction: Share of the stage that is done, 0 to 1.
     """
 
@@ -49,13 +50,12 @@ class CalibrationJob:
             calibration = update.calibration
             if calibration.state >= calibration_pb2.Calibration.STATE_SUCCEEDED:
                 self._ended = calibration
+            stage = enum_name(
+                calibration_pb2.CalibrationStage, calibration.progress.stage, "CALIBRATION_STAGE_"
+            )
             yield Progress(
                 enum_name(calibration_pb2.Calibration.State, calibration.state, "STATE_"),
-                enum_name(
-                    calibration_pb2.CalibrationStage,
-                    calibration.progress.stage,
-                    "CALIBRATION_STAGE_",
-                ),
+                "done" if self._ended is not None else stage,
                 calibration.progress.fraction,
             )
 

@@ -163,6 +163,7 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       // Pixels answer later in less light, by a part of a millisecond: that says nothing yet.
       if (std::abs(finding.value) < kMuchFlickerMs) return {};
       return warning(absl::StrCat(who, ": the flicker of the lamps contradicts its clock"));
+    case FindingKind::kClockByLightCode:
     case FindingKind::kWandClockWrong:
     case FindingKind::kRowsRepeated:
     case FindingKind::kMarkersAtOrigin:

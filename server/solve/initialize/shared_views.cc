@@ -158,8 +158,10 @@ std::string DescribeNearestViews(const std::vector<AlignedTrack>& tracks,
       if (!(apart_s < nearest_s)) continue;
       nearest_s = apart_s;
       nearest = absl::StrFormat(
-          " (cameras %s and %s come nearest to it: their closest wand views are %.4g s apart)",
-          left.camera.camera, right.camera.camera, nearest_s);
+          " (cameras %s and %s come nearest to it: their closest wand views are %s s apart)",
+          left.camera.camera, right.camera.camera,
+          nearest_s < 1000 ? absl::StrFormat("%.4g", nearest_s)
+                           : absl::StrFormat("%.0f", nearest_s));
     }
   }
   return nearest;

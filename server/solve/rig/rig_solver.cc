@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
@@ -222,8 +223,23 @@ class RigSolver {
         "no instant at which two cameras saw the wand: ", rig_.tracks.size(),
         " camera tracks share no time within the tolerance",
         DescribeNearestViews(rig_.tracks, RigTimes(rig_.tracks, rig_.index, solution_.clocks)),
-        "; check that the cameras ran at the same time, and their clocks (a clock that does not "
-        "follow a common time base needs clock samples)"));
+        "; check that the cameras ran at the same time, and their clocks. Clocks that do not "
+        "follow "
+        "one time base are related by clock samples, or by a wand with a light code that each "
+        "camera sees for 10 s, at 20 frames a second or more, with spheres that are not white",
+        CamerasWithoutCode()));
+  }
+
+  // Beside others that have read a wand's light code.
+  std::string CamerasWithoutCode() const {
+    std::set<std::string> without;
+    bool any = false;
+    for (const AlignedTrack& track : rig_.tracks) {
+      if (track.wand == 0) without.insert(track.track.camera.camera);
+      any |= track.wand != 0;
+    }
+    if (!any || without.empty()) return "";
+    return absl::StrCat("; others have read such a code, and not ", absl::StrJoin(without, ", "));
   }
 
   InitializationOptions InitializationOptionsOf() const {

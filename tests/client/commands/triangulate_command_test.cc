@@ -120,6 +120,48 @@ TEST_F(TriangulateCommand, WritesPointsThatEvaluateReads) {
   EXPECT_LT(json.at("total_rmse_m").get<double>(), 0.003);
 }
 
+TEST_F(TriangulateCommand, RowsThatShareNoMomentAreAnErrorInEveryFormat) {
+  std::vector<CameraRows> apart = rigcal::testing::RowsOf(*world_);
+  for (size_t c = 0; c < apart.size(); ++c) {
+    for (Observation& row : apart[c].rows) {
+      row.time_ns += static_cast<int64_t>(c) * 100'000'000'000;
+    }
+  }
+  std::vector<CameraRows> unseen = rigcal::testing::RowsOf(*world_);
+  for (CameraRows& camera : unseen) {
+    for (Observation& row : camera.rows) {
+      for (MarkerObservation& marker : row.markers) marker.visible = false;
+    }
+  }
+  const std::string far = WriteRows("apart", apart), nothing = WriteRows("unseen", unseen);
+  for (const char* const file : {"none.csv", "none.parquet", "none.trc", "none.c3d"}) {
+    const CommandOutcome outcome =
+        Rigcal({"triangulate", calibration_, "--data", far, "--output", Path(file)});
+    EXPECT_NE(outcome.exit_code, 0);
+    EXPECT_THAT(outcome.err, AllOf(HasSubstr("seen by two cameras at one moment"),
+                                   HasSubstr("sim_1 from 100.")));
+    EXPECT_FALSE(std::filesystem::exists(Path(file)));
+    EXPECT_THAT(
+        Rigcal({"triangulate", calibration_, "--data", nothing, "--output", Path(file)}).err,
+        HasSubstr("sim_1 no marker"));
+  }
+}
+
+TEST_F(TriangulateCommand, TheEndingOfTheOutputIsKnownWhateverItsCase) {
+  const std::string rows = WriteRows("rows", rigcal::testing::RowsOf(*world_));
+  const CommandOutcome refused =
+      Rigcal({"triangulate", calibration_, "--data", rows, "--output", Path("points.xlsx")});
+  EXPECT_NE(refused.exit_code, 0);
+  EXPECT_THAT(refused.err, HasSubstr(".csv, .parquet, .trc or .c3d, not as .xlsx"));
+  ASSERT_EQ(
+      Rigcal({"triangulate", calibration_, "--data", rows, "--output", Path("P.TRC")}).exit_code,
+      0);
+  std::ifstream trc(Path("P.TRC"));
+  std::string line;
+  std::getline(trc, line);
+  EXPECT_THAT(line, HasSubstr("PathFileType"));
+}
+
 TEST_F(TriangulateCommand, WritesTheSamePointsAsParquet) {
   const std::string rows = WriteRows("rows", rigcal::testing::RowsOf(*world_));
   const auto write = [&](const char* file) {

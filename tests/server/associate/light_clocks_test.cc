@@ -74,7 +74,9 @@ TEST(LightClocks, RelatesClocksThatAreADayApart) {
   EXPECT_NEAR(outcome.ErrorS(1, kDayNs + 7), 0, 1e-6);
   EXPECT_NEAR(outcome.ErrorS(2, -kDayNs / 2), 0, 1e-6);
   for (const AlignedTrack& track : outcome.tracks) EXPECT_EQ(track.wand, 1u);
-  EXPECT_TRUE(outcome.faults.empty());
+  ASSERT_EQ(outcome.faults.size(), 2u);
+  EXPECT_EQ(outcome.faults[0].kind, StampFault::Kind::kSetByLight);
+  EXPECT_EQ(outcome.faults[0].camera, "b");
   EXPECT_TRUE(outcome.refused.empty());
 }
 
@@ -99,7 +101,7 @@ TEST(LightClocks, FollowsAWandWhoseBatterySags) {
                       .wand_rate = 0.98})});
   ASSERT_EQ(outcome.tracks.size(), 2u);
   EXPECT_NEAR(outcome.ErrorS(1, kDayNs), 0, 0.4);
-  ASSERT_EQ(outcome.faults.size(), 1u);
+  ASSERT_EQ(outcome.faults.size(), 2u);  // the other one: b was set
   EXPECT_EQ(outcome.faults[0].kind, StampFault::Kind::kWandRate);
   EXPECT_NEAR(outcome.faults[0].size, -2, 0.1);
 }
@@ -142,6 +144,27 @@ TEST(LightClocks, CamerasThatReadDifferentWandsAreNamed) {
   ASSERT_EQ(outcome.faults.size(), 1u);
   EXPECT_EQ(outcome.faults[0].kind, StampFault::Kind::kOtherWand);
   EXPECT_EQ(outcome.faults[0].camera, "c");
+}
+
+// A wave of 12 s gives few readings, not far apart.
+TEST(LightClocks, AShortWaveShowsTheRateToo) {
+  const Outcome outcome =
+      Align({TrackOf({.camera = "a", .from_s = 5, .until_s = 8, .wand_rate = 1.02}, "ptp"),
+             TrackOf({.camera = "b", .from_s = 5, .until_s = 8, .wand_rate = 1.02}, "ptp")});
+  ASSERT_EQ(outcome.faults.size(), 1u);
+  EXPECT_EQ(outcome.faults[0].kind, StampFault::Kind::kWandRate);
+  EXPECT_NEAR(outcome.faults[0].size, 2, 0.1);
+}
+
+// One against one: neither is the odd one.
+TEST(LightClocks, TwoCamerasOfWhichEachHasReadAnotherWandAreBothNamed) {
+  const Outcome outcome =
+      Align({TrackOf({.camera = "a"}, "ptp"), TrackOf({.camera = "b", .wand = 2}, "ptp")});
+  ASSERT_EQ(outcome.faults.size(), 2u);
+  for (const StampFault& fault : outcome.faults) {
+    EXPECT_EQ(fault.kind, StampFault::Kind::kOtherWand);
+    EXPECT_NE(fault.what.find("a: 1; b: 2"), std::string::npos) << fault.what;
+  }
 }
 
 TEST(LightClocks, AnyReadingsAtAllAreBorne) {

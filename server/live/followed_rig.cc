@@ -9,6 +9,16 @@
 namespace rigcal::server {
 namespace {
 
+// Clocks that agree to this with the wand's light code keep what is known of them otherwise.
+constexpr int64_t kLightAgreesNs = 20'000'000;
+// Of a camera's clock and of a wand's: sums of what is beyond may not be within 64 bits.
+constexpr int64_t kMostDeviceNs = int64_t{1} << 61, kMostLightNs = int64_t{1} << 50;
+
+bool IsPlausible(const ClockSample& sample) {
+  return sample.device_ns > -kMostDeviceNs && sample.device_ns < kMostDeviceNs &&
+         sample.light_ns >= 0 && sample.light_ns < kMostLightNs;
+}
+
 // Wanted of each camera; a dashboard shows it as a bar. It ends no session.
 constexpr uint32_t kSharedInstantGoal = 200;
 // A camera whose times are further ahead than this is not compared with others: one wrong clock
@@ -91,7 +101,7 @@ void FollowedRig::AddArrivals(const StreamKey& stream, const Arrivals& arrived, 
   ClockRelation& clock = clocks_[session_->FindCamera(stream.camera)->description.clock.clock_id];
   for (const auto& [epoch, sample] : arrived.clock_samples) {
     clock.AddSample(epoch, sample);
-    if (sample.IsOfWand()) wand_times_[stream.camera] = sample;
+    if (sample.IsOfWand() && IsPlausible(sample)) wand_times_[stream.camera] = {epoch, sample};
   }
   for (const HostAlignment& alignment : arrived.host_alignments) clock.AddAlignment(alignment);
   if (!arrived.has_rows) return;
@@ -154,17 +164,44 @@ const LiveEstimatedCamera* FollowedRig::FindEstimated(const std::string& camera)
   return found == estimate_->cameras.end() ? nullptr : &*found;
 }
 
+std::optional<int64_t> FollowedRig::CoarseOffsetNs(const SessionCamera& camera,
+                                                   uint32_t clock_epoch) const {
+  if (common_timebase_) return 0;
+  if (const ClockRelation* clock = FindClock(camera); clock && clock->OffsetNs()) {
+    return clock->OffsetNs();
+  }
+  const auto found = arrival_offsets_ns_.find(camera.description.camera);
+  if (found == arrival_offsets_ns_.end() || found->second.first != clock_epoch) return std::nullopt;
+  return found->second.second;
+}
+
+std::optional<int64_t> FollowedRig::LightOffsetNs(const SessionCamera& camera,
+                                                  uint32_t clock_epoch) const {
+  const auto own = wand_times_.find(camera.description.camera);
+  if (own == wand_times_.end() || own->second.first != clock_epoch) return std::nullopt;
+  const ClockSample& read = own->second.second;
+  for (const std::string& name : order_) {
+    const auto other = wand_times_.find(name);
+    if (other == wand_times_.end() || other->second.second.light != read.light) continue;
+    if (other == own) return std::nullopt;
+    const SessionCamera* const reference = session_->FindCamera(name);
+    const auto reference_ns =
+        reference == nullptr ? std::nullopt : CoarseOffsetNs(*reference, other->second.first);
+    if (!reference_ns) continue;
+    const ClockSample& there = other->second.second;
+    return *reference_ns + (there.device_ns - read.device_ns) + (read.light_ns - there.light_ns);
+  }
+  return std::nullopt;
+}
+
 std::optional<int64_t> FollowedRig::OffsetNs(const SessionCamera& camera,
                                              uint32_t clock_epoch) const {
   const std::string& name = camera.description.camera;
-  std::optional<int64_t> offset_ns;
-  if (common_timebase_) {
-    offset_ns = 0;
-  } else if (const ClockRelation* clock = FindClock(camera); clock && clock->OffsetNs()) {
-    offset_ns = clock->OffsetNs();
-  } else if (const auto found = arrival_offsets_ns_.find(name);
-             found != arrival_offsets_ns_.end() && found->second.first == clock_epoch) {
-    offset_ns = found->second.second;
+  std::optional<int64_t> offset_ns = CoarseOffsetNs(camera, clock_epoch);
+  if (const auto by_light_ns = LightOffsetNs(camera, clock_epoch);
+      by_light_ns && (!offset_ns || std::abs(static_cast<double>(*by_light_ns) -
+                                             static_cast<double>(*offset_ns)) > kLightAgreesNs)) {
+    offset_ns = by_light_ns;
   }
   if (!offset_ns) return std::nullopt;
   *offset_ns -= std::llround(camera.description.latency_s * 1e9);
@@ -208,8 +245,9 @@ LiveCamera FollowedRig::DescribeCamera(const std::string& name, Time now) const 
   camera.has_preview = is_connected && !by_hand && camera.state == LiveCameraState::kCapturing;
   if (const ClockRelation* clock = FindClock(*own)) camera.clock.sample_spread_s = clock->SpreadS();
   if (const auto read = wand_times_.find(name); read != wand_times_.end()) {
-    camera.clock.wand = read->second.light;
-    camera.clock.wand_time_s = 1e-9 * static_cast<double>(read->second.light_ns);
+    const ClockSample& sample = read->second.second;
+    camera.clock.wand = sample.light;
+    camera.clock.wand_time_s = 1e-9 * static_cast<double>(sample.light_ns);
   }
   if (const LiveEstimatedCamera* estimated = FindEstimated(name)) {
     camera.clock.time_offset_s = estimated->time_offset_s;

@@ -83,7 +83,9 @@ class FollowedRig {
   // When the newest row became durable.
   const std::optional<Time>& commit_time() const { return commit_time_; }
   // Rig time minus camera time, nanoseconds: from a common time base, else from clock samples, else
-  // from the arrival of rows; with the camera's latency and its estimated offset. None: not known.
+  // from the arrival of rows; where that is off by more than 20 ms, from a wand's light code that
+  // another camera has read, too. With the camera's latency and its estimated offset. None: not
+  // known.
   std::optional<int64_t> OffsetNs(const SessionCamera& camera, uint32_t clock_epoch) const;
 
   // A camera of the session or of a connected agent, as it is shown.
@@ -92,13 +94,19 @@ class FollowedRig {
   LiveOverlap DescribeOverlap() const;
 
  private:
+  // Without latency, estimate and light codes.
+  std::optional<int64_t> CoarseOffsetNs(const SessionCamera& camera, uint32_t clock_epoch) const;
+  // By the light code, against the first camera that has read the same wand; none for that one.
+  std::optional<int64_t> LightOffsetNs(const SessionCamera& camera, uint32_t clock_epoch) const;
+
   std::optional<Session> session_;
   bool common_timebase_ = false;
   std::vector<std::string> order_;
   std::map<std::string, CameraActivity> activities_;
-  std::unique_ptr<OverlapCounter> overlap_;        // in order_; null: no session
-  std::map<std::string, ClockRelation> clocks_;    // by clock_id
-  std::map<std::string, ClockSample> wand_times_;  // by camera, of the last light code read
+  std::unique_ptr<OverlapCounter> overlap_;      // in order_; null: no session
+  std::map<std::string, ClockRelation> clocks_;  // by clock_id
+  // By camera, with the clock epoch: the last light code read.
+  std::map<std::string, std::pair<uint32_t, ClockSample>> wand_times_;
   // By camera, with the clock epoch: of the row that took least to arrive.
   std::map<std::string, std::pair<uint32_t, int64_t>> arrival_offsets_ns_;
   std::shared_ptr<const LiveEstimate> estimate_;

@@ -101,6 +101,32 @@ TEST_F(FollowedRigTest, ForgetsWhatItCountedWhenTheCamerasChange) {
   EXPECT_EQ(OffsetNs("left"), std::nullopt);
 }
 
+// What two cameras read of one wand relates them, whatever their stamps say.
+TEST_F(FollowedRigTest, ALightCodeRelatesClocksThatAreFarApart) {
+  Session session = Wave({"left", "right"});
+  for (SessionCamera& camera : session.cameras) camera.description.clock.timebase = "ptp";
+  rig_.Follow(session, now_);
+  Arrivals left = Rows(1000, 5), right = Rows(3'601'000, 5);
+  left.clock_samples = {{0, {.device_ns = 1000 * kMs, .light = 3, .light_ns = 70'000 * kMs}}};
+  right.clock_samples = {{0, {.device_ns = 3'601'500 * kMs, .light = 4, .light_ns = 70'500 * kMs}}};
+  Arrive("left", left);
+  Arrive("right", right);
+  EXPECT_THAT(OffsetNs("right"), Optional(0));  // another wand says nothing
+  right.clock_samples[0].second.light = 3;
+  Arrive("right", right);
+  EXPECT_THAT(OffsetNs("left"), Optional(0));
+  EXPECT_THAT(OffsetNs("right"), Optional(-3'600'000 * kMs));
+  EXPECT_EQ(rig_.DescribeCamera("right", now_).clock.wand, 3u);
+  // Within 20 ms the stamps are believed.
+  right.clock_samples[0].second.device_ns = 1515 * kMs;
+  Arrive("right", right);
+  EXPECT_THAT(OffsetNs("right"), Optional(0));
+  // Values that cannot be are not used.
+  right.clock_samples[0].second.light_ns = int64_t{1} << 62;
+  Arrive("right", right);
+  EXPECT_THAT(OffsetNs("right"), Optional(0));
+}
+
 TEST_F(FollowedRigTest, KnowsAnOffsetFromTheRowThatTookLeast) {
   rig_.Follow(Wave({"left"}), now_);
   EXPECT_EQ(OffsetNs("left"), std::nullopt);

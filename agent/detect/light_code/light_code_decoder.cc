@@ -20,6 +20,9 @@ constexpr size_t kLeastSamples = 60;
 // Two kinds of levels lie so many of their own sigmas apart. Half of all samples of a slow camera
 // show a bit's end, so that this is little.
 constexpr double kLeastSeparation = 2.5;
+// Noise alone comes to 3.6, and no bits say there that it is none: levels of a camera that is too
+// slow are a code's if they lie so many sigmas apart, and by so much.
+constexpr double kSureSeparation = 6, kLeastDifference = 0.1;
 constexpr double kMostContrast = 1.5;  // beyond it a level says no more
 
 constexpr double kMostDrift = 0.03;  // of the wand's clock
@@ -168,7 +171,7 @@ void LightCodeDecoder::Add(int64_t camera_time_ns, double level) {
 
 std::vector<LightCodeReading> LightCodeDecoder::Take() { return std::exchange(readings_, {}); }
 
-std::vector<double> LightCodeDecoder::Contrast() const {
+std::vector<double> LightCodeDecoder::Contrast(bool* is_sure) const {
   std::vector<double> levels;
   for (const Sample& sample : samples_) levels.push_back(sample.level);
   std::ranges::sort(levels);
@@ -186,6 +189,7 @@ std::vector<double> LightCodeDecoder::Contrast() const {
     off.push_back(std::min(std::abs(level - low), std::abs(level - high)));
   const double sigma = kSigmaOverMad * LowerMedian(off);
   if (!(high - low > kLeastSeparation * sigma) || !(high > low)) return {};
+  *is_sure = high - low > kSureSeparation * sigma && high - low > kLeastDifference;
   std::vector<double> contrast;
   for (const Sample& sample : samples_) {
     contrast.push_back(
@@ -331,11 +335,12 @@ void LightCodeDecoder::Attempt() {
   }
   frame_rate_hz_ = 1 / LowerMedian(std::move(steps_s));
   if (samples_.back().time_s - samples_.front().time_s < kLeastSpanS) return;
-  const std::vector<double> contrast = Contrast();
+  bool is_sure = false;
+  const std::vector<double> contrast = Contrast(&is_sure);
   state_ = contrast.empty() ? LightCodeState::kNone : LightCodeState::kSeen;
   if (contrast.empty()) return;
   if (frame_rate_hz_ < 0.98 * kLeastRateHz) {
-    state_ = LightCodeState::kTooSlow;
+    state_ = is_sure ? LightCodeState::kTooSlow : LightCodeState::kNone;
     return;
   }
   if (samples_.size() < kLeastSamples) return;

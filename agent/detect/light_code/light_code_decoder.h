@@ -65,7 +65,8 @@ class LightCodeDecoder {
   };
   double MiddleS() const { return 0.5 * (samples_.front().time_s + samples_.back().time_s); }
   // -1 while dimmed, 1 else, more or less, by sample. Empty: the levels are not of two kinds.
-  std::vector<double> Contrast() const;
+  // `is_sure`: they are, whatever else is known.
+  std::vector<double> Contrast(bool* is_sure) const;
   BitClock FindClock(const std::vector<double>& contrast) const;
   // Once the bits are known; near `clock`.
   Fit FitTo(const std::vector<double>& contrast, const BitClock& clock,

@@ -144,6 +144,19 @@ TEST(LightCodeDecoder, SaysThatACameraIsTooSlow) {
   EXPECT_NEAR(decoder.frame_rate_hz(), 15, 1);
 }
 
+// A wand without a code: its brightness is noise.
+TEST(LightCodeDecoder, SaysNothingOfASlowCameraThatSeesNoCode) {
+  for (uint32_t seed = 1; seed <= 50; ++seed) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> normal;
+    LightCodeDecoder decoder;
+    for (int i = 0; i < 300; ++i) {
+      decoder.Add(std::llround(1e9 * i / 15), 0.2 * normal(random));
+      ASSERT_NE(decoder.state(), LightCodeState::kTooSlow) << seed;
+    }
+  }
+}
+
 TEST(LightCodeDecoder, AWandThatStartsAnewIsReadAnew) {
   Scene scene{.rate_hz = 60};
   LightCodeDecoder decoder;

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# All external libraries. They are Debian 12 packages, installed by deploy/install-deps.sh.
+# All external libraries, packages of Debian 12 or 13 that deploy/install-deps.sh installs, and what differs between
+# the two.
 find_package(Threads REQUIRED)
 find_package(absl CONFIG REQUIRED)
 find_package(Protobuf REQUIRED) # module mode: Debian ships no CONFIG package for 3.21
@@ -12,7 +13,10 @@ find_package(tomlplusplus CONFIG REQUIRED)
 find_package(yaml-cpp CONFIG REQUIRED)
 find_package(SQLiteCpp CONFIG REQUIRED)
 find_package(OpenSSL 3.0 REQUIRED)
-find_package(Boost REQUIRED) # headers only: Asio and Beast
+if(POLICY CMP0167)
+  cmake_policy(SET CMP0167 NEW) # CMake 3.30 wants Boost's own configuration; both have it
+endif()
+find_package(Boost REQUIRED CONFIG) # headers only: Asio and Beast
 find_package(ZLIB REQUIRED)
 find_package(LibArchive REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED COMPONENTS core) # text format only

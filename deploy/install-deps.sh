@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs the Debian 12 packages that rigcal needs. Does nothing if all of them are installed.
+# Installs the packages of Debian 12 or 13 that rigcal needs (names are equal, also on Ubuntu 24.04). Does nothing if all of them are installed.
 #   deploy/install-deps.sh            packages for building, testing and running
 #   deploy/install-deps.sh --list     only prints the missing packages
 #   deploy/install-deps.sh --packages also what makes Debian packages of rigcal (deploy/package.sh)
@@ -10,7 +10,7 @@ packages=(
   # compiler and build
   g++ cmake ninja-build ccache pkg-config git
   # gRPC and protobuf
-  libgrpc++-dev protobuf-compiler-grpc libprotobuf-dev protobuf-compiler grpc-proto libabsl-dev
+  libgrpc++-dev protobuf-compiler-grpc libprotobuf-dev protobuf-compiler libabsl-dev
   # geometry and solving
   libeigen3-dev libceres-dev libopencv-dev
   # cameras (libaravis-dev does not depend on libusb's headers, but needs them)

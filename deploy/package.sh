@@ -64,7 +64,7 @@ if ! DEB_BUILD_OPTIONS="parallel=$(nproc) ${DEB_BUILD_OPTIONS:-}" \
   say "the build has failed; the end of its log is above"
   exit 1
 fi
-rm -f "$folder"/rigcal_*.deb "$folder"/rigcal-*.deb
+rm -f "$folder"/*rigcal*.deb
 mv "$work"/*.deb "$folder"
 cd "$folder"
 du -ch --apparent-size -- *.deb

@@ -68,25 +68,51 @@ expect active systemctl is-active rigcal-server
 rm -r /run/systemd/system/rigcal-server.service.d
 systemctl daemon-reload
 
-step "upgrade"
+step "units"
+systemd-analyze verify rigcal-server.service rigcal-agent.service
+systemd-analyze security --no-pager --threshold=20 rigcal-server.service | tail -n 1
+systemd-analyze security --no-pager --threshold=35 rigcal-agent.service | tail -n 1
+
+step "upgrade in the middle of a recording"
+printf '[[camera]]\nsource = "sim:camera=%s;cameras=4"\n' 1 2 3 | sed 's/\\n/\n/g' >>/etc/rigcal/agent.toml
+systemctl restart rigcal-agent
+expect 4 sh -c "rigcal agent list | grep -c 'connected.*sim:camera='"
+rigcal session create --target wand:0,0.13,0.39 --id wave --start
+sleep 10
 began=$SECONDS
 quietly apt-get install -y --no-install-recommends /opt/second/*.deb
 echo "apt upgrade: $((SECONDS - began)) s"
-dpkg-query -W 'rigcal*'
+dpkg-query -W '*rigcal*'
 expect active systemctl is-active rigcal-server
 expect active systemctl is-active rigcal-agent
+expect 4 sh -c "rigcal agent list | grep -c 'connected.*sim:camera='"
+sleep 15
+rigcal session stop wave --wait
+rigcal session verify wave
+rigcal session show wave
+rigcal calibrate wave --wait
 rigcal session list | grep kept
-grep -c '^\[\[camera\]\]' /etc/rigcal/agent.toml
+
+step "an older version is refused, and nothing is changed"
+installed=$(dpkg-query -W -f '${Version}' rigcal-server)
+if apt-get install -y --allow-downgrades --no-install-recommends /opt/first/*.deb >/opt/apt.log 2>&1; then
+  echo "the downgrade was not refused"
+  false
+fi
+grep 'may not read its data' /opt/apt.log
+[ "$(dpkg-query -W -f '${Version}' rigcal-server)" = "$installed" ]
+quietly apt-get install -y --no-install-recommends /opt/second/*.deb # the packages that apt took before that one
+expect active systemctl is-active rigcal-server
 
 step "remove"
-quietly apt-get remove -y 'rigcal*'
+quietly apt-get remove -y '*rigcal*'
 expect inactive systemctl is-active rigcal-server
 test ! -e /usr/bin/rigcal-server
 ls /etc/rigcal
 test -f /var/lib/rigcal/rigcal.db
 
 step "purge keeps what cannot be made again"
-apt-get purge -y 'rigcal*' 2>&1 | grep 'is kept'
+apt-get purge -y '*rigcal*' 2>&1 | grep 'is kept'
 test ! -e /etc/rigcal
 test -f /var/lib/rigcal/rigcal.db
 
@@ -96,7 +122,7 @@ expect active systemctl is-active rigcal-server
 rigcal session list | grep kept
 
 step "purge with RIGCAL_PURGE_DATA=1"
-RIGCAL_PURGE_DATA=1 quietly apt-get purge -y 'rigcal*'
+RIGCAL_PURGE_DATA=1 quietly apt-get purge -y '*rigcal*'
 test ! -e /var/lib/rigcal
 
 echo

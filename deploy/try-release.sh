@@ -1,15 +1,29 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Tries the packages of deploy/package.sh in a bare Debian that boots in a container: installs them, looks whether
-# the services run, calibrates a simulated rig, upgrades, removes and purges. Needs root.
-#   deploy/try-release.sh bookworm|trixie [FOLDER]     FOLDER with the packages (default: build/packages)
-# Packages are for the Debian that they were built on: those of Debian 12 cannot be installed on 13.
+# the services run, records and calibrates simulated cameras, upgrades in the middle of a recording, removes and
+# purges. Needs root.
+#   deploy/try-release.sh [--build] [--tests] bookworm|trixie [FOLDER]
+#     FOLDER    the packages (default: build/packages; with --build: build/packages-SUITE)
+#     --build   first builds the packages of what is committed, in a root of that Debian with what install-deps.sh
+#               installs; packages are for the Debian that they were built on
+#     --tests   builds the tests there, too, and runs all of them
 # The steps are deploy/try-release-steps.sh; nothing of it is left running, and what it does is in build/try-release.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-suite=${1:?usage: deploy/try-release.sh bookworm|trixie [FOLDER]}
-packages=${2:-$root/build/packages}
+usage="usage: deploy/try-release.sh [--build] [--tests] bookworm|trixie [FOLDER]"
+build="" tests="" suite="" packages=""
+for argument in "$@"; do
+  case $argument in
+    --build) build=1 ;;
+    --tests) tests=1 ;;
+    -*) echo "$usage" >&2; exit 2 ;;
+    *) if [ -z "$suite" ]; then suite=$argument; else packages=$argument; fi ;;
+  esac
+done
+[ -n "$suite" ] || { echo "$usage" >&2; exit 2; }
 work=$root/build/try-release
+if [ -n "$build" ]; then : "${packages:=$root/build/packages-$suite}"; else : "${packages:=$root/build/packages}"; fi
 debian=$work/$suite
 
 say() { echo "try-release: $*" >&2; }
@@ -18,7 +32,6 @@ fail() {
   exit 1
 }
 [ "$(id -u)" = 0 ] || fail "root is needed for a container; run it with sudo"
-ls "$packages"/rigcal-server_*.deb >/dev/null 2>&1 || fail "no packages in $packages; make them with deploy/package.sh"
 for program in mmdebstrap systemd-nspawn; do
   command -v $program >/dev/null || apt-get install -qq -y --no-install-recommends mmdebstrap systemd-container >&2
 done
@@ -31,14 +44,62 @@ if [ ! -f "$debian.tar" ]; then
     ${RIGCAL_DEBIAN_MIRROR:+"$RIGCAL_DEBIAN_MIRROR"}
   mv "$work/new.tar" "$debian.tar"
 fi
+
+# apt and npm of a root download as those of this PC do.
+download_as_here() {
+  cp /etc/resolv.conf "$1/etc/resolv.conf"
+  apt-config dump Acquire | grep -E '^Acquire::(Check-|https?::Proxy|https?::[^ ]*::Proxy)' \
+    >"$1/etc/apt/apt.conf.d/90of-this-pc" || true
+  [ -z "${NODE_EXTRA_CA_CERTS:-}" ] || cp "$NODE_EXTRA_CA_CERTS" "$1/opt/certificates.pem"
+}
+
+# Builds and tests in a root of their own, which is kept for the next time.
+if [ -n "$build$tests" ]; then
+  builder=$work/$suite-build
+  if [ ! -d "$builder/src" ]; then
+    mkdir -p "$builder"
+    tar -xf "$debian.tar" -C "$builder"
+    mkdir -p "$builder/src"
+  fi
+  download_as_here "$builder"
+  # A namespace of mounts: none is left behind, however this ends.
+  in_builder() {
+    unshare --mount sh -c 'root=$1 && shift && for folder in proc dev sys; do mount --rbind /$folder "$root/$folder"; done &&
+      exec chroot "$root" env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive \
+      NODE_EXTRA_CA_CERTS=/opt/certificates.pem npm_config_cafile="$(test ! -f "$root/opt/certificates.pem" || echo /opt/certificates.pem)" \
+      OPENBLAS_CORETYPE="${OPENBLAS_CORETYPE:-}" "$@"' sh "$builder" "$@"
+  }
+  in_builder sh -c 'apt-get -qq update && apt-get -qq -y install --no-install-recommends ca-certificates git' \
+    >"$work/apt.log" 2>&1 || { tail -n 20 "$work/apt.log" >&2; fail "apt of $suite has failed"; }
+  git -C "$root" bundle create --quiet "$builder/opt/rigcal.bundle" HEAD
+  in_builder sh -c 'cd /src && { [ -d .git ] || git init -q; } && git fetch -q /opt/rigcal.bundle HEAD &&
+    git -c advice.detachedHead=false checkout -q --force FETCH_HEAD'
+fi
+if [ -n "$tests" ]; then
+  say "building and testing on $suite; the log is $work/tests-$suite.log"
+  in_builder bash -c 'cd /src && tests/run.sh' >"$work/tests-$suite.log" 2>&1 || {
+    tail -n 40 "$work/tests-$suite.log" >&2
+    fail "tests have failed on $suite"
+  }
+  grep 'tests passed' "$work/tests-$suite.log"
+fi
+if [ -n "$build" ]; then
+  say "building packages on $suite ..."
+  in_builder bash -c 'cd /src && deploy/package.sh'
+  mkdir -p "$packages"
+  rm -f "$packages"/*rigcal*.deb
+  cp "$builder"/src/build/packages/*.deb "$packages"
+fi
+ls "$packages"/rigcal-server_*.deb >/dev/null 2>&1 || fail "no packages in $packages; make them with deploy/package.sh"
+
 rm -rf "$debian"
 mkdir -p "$debian"
 tar -xf "$debian.tar" -C "$debian"
 
 # The packages, and the same once more with a higher version.
 mkdir -p "$debian/opt/first" "$debian/opt/second"
-cp "$packages"/rigcal*.deb "$debian/opt/first"
-for package in "$packages"/rigcal*.deb; do
+cp "$packages"/*rigcal*.deb "$debian/opt/first"
+for package in "$packages"/*rigcal*.deb; do
   rm -rf "$work/repacked"
   dpkg-deb --raw-extract "$package" "$work/repacked"
   sed -i 's/^Version: .*/&+later/; s/\(rigcal-[a-z]* (= [^)]*\|rigcal (= [^)]*\))/\1+later)/g' "$work/repacked/DEBIAN/control"
@@ -46,10 +107,8 @@ for package in "$packages"/rigcal*.deb; do
 done
 rm -rf "$work/repacked"
 
-# apt of the container downloads as apt of this PC does; the container itself has no network.
-cp /etc/resolv.conf "$debian/etc/resolv.conf"
-apt-config dump Acquire | grep -E '^Acquire::(Check-|https?::Proxy|https?::[^ ]*::Proxy)' \
-  >"$debian/etc/apt/apt.conf.d/90of-this-pc" || true
+# The container itself has no network.
+download_as_here "$debian"
 began=$SECONDS
 chroot "$debian" sh -c 'apt-get -qq update && apt-get -qq -y install --no-install-recommends --download-only /opt/first/*.deb' \
   >"$work/apt.log" 2>&1 \

@@ -5,6 +5,8 @@
 #include <string_view>
 #include <utility>
 
+#include "common/board/marker_dictionary.h"
+
 namespace rigcal {
 namespace {
 
@@ -54,7 +56,7 @@ void AddMarker(const cv::aruco::Dictionary& dictionary, int id, int border_bits,
 
 // `first`: the number of the first marker.
 std::vector<BlackCell> CharucoCells(const Board& board, int first, int marker_parity) {
-  const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryOf(board));
+  const auto dictionary = MarkerDictionary(DictionaryOf(board));
   const double side_m = board.spacing_m, inset_m = 0.5 * (side_m - board.marker_m);
   std::vector<BlackCell> cells;
   int id = first;
@@ -73,7 +75,7 @@ std::vector<BlackCell> CharucoCells(const Board& board, int first, int marker_pa
 }
 
 std::vector<BlackCell> AprilGridCells(const Board& board, int first) {
-  const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryOf(board));
+  const auto dictionary = MarkerDictionary(DictionaryOf(board));
   const int across = board.columns / 2, high = board.rows / 2;
   const double side_m = board.spacing_m, gap_m = board.gap_share * side_m;
   std::vector<BlackCell> cells;

@@ -11,6 +11,7 @@
 #include "agent/detect/board/marker_growth.h"
 #include "agent/detect/board/marker_reading.h"
 #include "common/board/marker_cells.h"
+#include "common/board/marker_dictionary.h"
 
 namespace rigcal::agent {
 namespace {
@@ -23,7 +24,7 @@ constexpr int kMarkerCornerPx = 3;
 // By number. `unread`: what looks like a marker but for its bits.
 std::vector<FoundMarker> DetectMarkers(const Board& board, const cv::Mat& grey,
                                        std::vector<std::vector<cv::Point2f>>* unread) {
-  auto parameters = cv::aruco::DetectorParameters::create();
+  auto parameters = cv::makePtr<cv::aruco::DetectorParameters>();
   if (board.kind == BoardKind::kAprilGrid) {
     parameters->markerBorderBits = kAprilBorderBits;
   } else {
@@ -32,8 +33,8 @@ std::vector<FoundMarker> DetectMarkers(const Board& board, const cv::Mat& grey,
   }
   std::vector<std::vector<cv::Point2f>> corners;
   std::vector<int> ids;
-  cv::aruco::detectMarkers(grey, cv::aruco::getPredefinedDictionary(DictionaryOf(board)), corners,
-                           ids, parameters, *unread);
+  cv::aruco::detectMarkers(grey, MarkerDictionary(DictionaryOf(board)), corners, ids, parameters,
+                           *unread);
   std::map<int, FoundMarker> by_id;
   std::vector<int> repeated;
   for (size_t i = 0; i < ids.size(); ++i) {

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "agent/detect/board/marker_boards.h"
 #include "common/board/marker_cells.h"
+#include "common/board/marker_dictionary.h"
 
 namespace rigcal::agent {
 namespace {
@@ -47,14 +48,13 @@ struct SeenMarkers {
   int lowest = std::numeric_limits<int>::max(), highest = -1;
 };
 SeenMarkers CountMarkers(int dictionary, int border_bits, const std::vector<cv::Mat>& greys) {
-  auto parameters = cv::aruco::DetectorParameters::create();
+  auto parameters = cv::makePtr<cv::aruco::DetectorParameters>();
   parameters->markerBorderBits = border_bits;
   SeenMarkers seen;
   for (const cv::Mat& grey : greys) {
     std::vector<std::vector<cv::Point2f>> corners;
     std::vector<int> ids;
-    cv::aruco::detectMarkers(grey, cv::aruco::getPredefinedDictionary(dictionary), corners, ids,
-                             parameters);
+    cv::aruco::detectMarkers(grey, MarkerDictionary(dictionary), corners, ids, parameters);
     const std::set<int> distinct(ids.begin(), ids.end());
     if (distinct.size() < kLeastDistinctMarkers) continue;
     ++seen.pictures;

@@ -7,6 +7,7 @@
 
 #include "agent/detect/board/local_plane.h"
 #include "common/board/marker_cells.h"
+#include "common/board/marker_dictionary.h"
 
 namespace rigcal::agent {
 namespace {
@@ -53,7 +54,7 @@ Eigen::VectorXd BitsWithin(const cv::Mat& grey, const MarkerCorners& corners, in
 }  // namespace
 
 MarkerReader::MarkerReader(const Board& board) : is_tag_(board.kind == BoardKind::kAprilGrid) {
-  const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryOf(board));
+  const auto dictionary = MarkerDictionary(DictionaryOf(board));
   border_ = is_tag_ ? kTagBorderBits : kCharucoBorderBits;
   const int size = dictionary->markerSize;
   bits_ = size + 2 * border_;

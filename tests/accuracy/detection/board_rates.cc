@@ -13,6 +13,7 @@
 
 #include "agent/detect/board/board_detector.h"
 #include "common/board/marker_cells.h"
+#include "common/board/marker_dictionary.h"
 #include "common/camera/camera_model.h"
 #include "common/lens/circle_image.h"
 #include "tests/accuracy/seed_runs.h"
@@ -79,6 +80,20 @@ RatedView DrawView(const Board& board, uint32_t seed) {
   }
 }
 
+// Made by a function until OpenCV 4.6, by a constructor from 4.7 on.
+template <typename CharucoBoard>
+cv::Ptr<CharucoBoard> BoardOfOpenCv(const Board& board) {
+  const auto square = static_cast<float>(board.spacing_m),
+             marker = static_cast<float>(board.marker_m);
+  const auto dictionary = MarkerDictionary(DictionaryOf(board));
+  const int across = board.columns + 1, high = board.rows + 1;
+  if constexpr (requires { CharucoBoard::create(across, high, square, marker, dictionary); }) {
+    return CharucoBoard::create(across, high, square, marker, dictionary);
+  } else {
+    return cv::makePtr<CharucoBoard>(cv::Size(across, high), square, marker, *dictionary);
+  }
+}
+
 // As its documentation uses OpenCV.
 bool OpenCvFinds(const Board& board, const cv::Mat& image) {
   const cv::Size size(board.columns, board.rows);
@@ -94,17 +109,14 @@ bool OpenCvFinds(const Board& board, const cv::Mat& image) {
     case BoardKind::kAprilGrid:
       break;
   }
-  const auto parameters = cv::aruco::DetectorParameters::create();
+  const auto parameters = cv::makePtr<cv::aruco::DetectorParameters>();
   if (board.kind == BoardKind::kAprilGrid) parameters->markerBorderBits = 2;
   std::vector<std::vector<cv::Point2f>> corners;
   std::vector<int> ids;
-  cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(DictionaryOf(board)), corners,
-                           ids, parameters);
+  cv::aruco::detectMarkers(image, MarkerDictionary(DictionaryOf(board)), corners, ids, parameters);
   if (board.kind == BoardKind::kAprilGrid) return ids.size() >= kLeastTags;
   if (ids.empty()) return false;
-  const auto charuco = cv::aruco::CharucoBoard::create(
-      board.columns + 1, board.rows + 1, static_cast<float>(board.spacing_m),
-      static_cast<float>(board.marker_m), cv::aruco::getPredefinedDictionary(DictionaryOf(board)));
+  const auto charuco = BoardOfOpenCv<cv::aruco::CharucoBoard>(board);
   std::vector<int> point_ids;
   cv::aruco::interpolateCornersCharuco(corners, ids, image, charuco, points, point_ids);
   return point_ids.size() >= kLeastPoints;

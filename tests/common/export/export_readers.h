@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/export/archive.h"
@@ -44,7 +45,7 @@ ReadCameras ReadBlenderScript(const ExportedFiles& files);
 ReadCameras ReadUsda(const ExportedFiles& files);
 
 // The content of one of the files.
-const std::string& ContentOf(const ExportedFiles& files, const std::string& name);
+const std::string& ContentOf(const ExportedFiles& files, std::string_view name);
 
 // A camera in OpenCV's terms, projected by OpenCV; pixels as OpenCV counts them.
 struct OpenCvCamera {

@@ -8,11 +8,11 @@
 
 namespace rigcal::testing {
 
-const std::string& ContentOf(const ExportedFiles& files, const std::string& name) {
+const std::string& ContentOf(const ExportedFiles& files, std::string_view name) {
   for (const ExportFile& file : files) {
     if (file.name == name) return file.content;
   }
-  throw std::runtime_error("there is no file " + name);
+  throw std::runtime_error("there is no file " + std::string(name));
 }
 
 Eigen::Matrix3d CameraMatrix(double fx, double fy, double cx, double cy) {

@@ -45,7 +45,7 @@ double TrueDistanceM(const SimulatedWorld& world, size_t a, size_t b) {
   return DistanceM(world.cameras()[a].cam_from_rig, world.cameras()[b].cam_from_rig);
 }
 
-const CalibratedCamera& Camera(const CalibrationResult& result, const std::string& name) {
+const CalibratedCamera& Camera(const CalibrationResult& result, std::string_view name) {
   return *std::find_if(result.cameras.begin(), result.cameras.end(),
                        [&name](const CalibratedCamera& camera) { return camera.camera == name; });
 }

@@ -10,10 +10,12 @@
 #include <opencv2/imgproc.hpp>
 
 #include "common/board/marker_cells.h"
+#include "common/board/marker_dictionary.h"
 #include "common/lens/circle_image.h"
 #include "common/statistics/robust_statistics.h"
 #include "tests/agent/detect/board/rendered_board.h"
 #include "tests/common/lens/known_lens.h"
+#include "tests/testing/marker_picture.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::agent::board_detector_test {
@@ -31,7 +33,7 @@ cv::Mat OldLayout(const Board& board) {
   const int across = board.columns + 1, high = board.rows + 1;
   cv::Mat image(high * kOldSquarePx + 2 * kOldMarginPx, across * kOldSquarePx + 2 * kOldMarginPx,
                 CV_8UC1, cv::Scalar(255));
-  const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryOf(board));
+  const auto dictionary = MarkerDictionary(DictionaryOf(board));
   const int marker_px = static_cast<int>(kOldSquarePx * board.marker_m / board.spacing_m);
   const int inset_px = (kOldSquarePx - marker_px) / 2;
   int id = 0;
@@ -42,9 +44,8 @@ cv::Mat OldLayout(const Board& board) {
         image(cv::Rect(x, y, kOldSquarePx, kOldSquarePx)).setTo(0);
         continue;
       }
-      cv::Mat marker;
-      cv::aruco::drawMarker(dictionary, id++, marker_px, marker, 1);
-      marker.copyTo(image(cv::Rect(x + inset_px, y + inset_px, marker_px, marker_px)));
+      testing::MarkerPicture(*dictionary, id++, marker_px)
+          .copyTo(image(cv::Rect(x + inset_px, y + inset_px, marker_px, marker_px)));
     }
   }
   cv::GaussianBlur(image, image, cv::Size(0, 0), 0.8);

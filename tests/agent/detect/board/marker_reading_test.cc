@@ -7,6 +7,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "common/board/marker_cells.h"
+#include "common/board/marker_dictionary.h"
+#include "tests/testing/marker_picture.h"
 
 namespace rigcal::agent::marker_reading_test {
 namespace {
@@ -16,9 +18,7 @@ constexpr double kSidePx = 14;  // bits of 2 px, blurred by 1.1 px
 constexpr double kLeftPx = 24.3, kTopPx = 25.6;
 
 cv::Mat BlurredMarker(const Board& board) {
-  cv::Mat marker;
-  cv::aruco::drawMarker(cv::aruco::getPredefinedDictionary(DictionaryOf(board)), kId, 140, marker,
-                        1);
+  const cv::Mat marker = testing::MarkerPicture(*MarkerDictionary(DictionaryOf(board)), kId, 140);
   // Ten times as fine, then what a pixel sees of it.
   const double scale = 10 * kSidePx / 140, shift = 0.5 * scale - 0.5;
   const cv::Matx23d place(scale, 0, 10 * kLeftPx + shift, 0, scale, 10 * kTopPx + shift);
@@ -40,8 +40,7 @@ TEST(MarkerReading, ReadsWhatIsTooBlurredForOpenCv) {
   const cv::Mat image = BlurredMarker(board);
   std::vector<std::vector<cv::Point2f>> found;
   std::vector<int> ids;
-  cv::aruco::detectMarkers(image, cv::aruco::getPredefinedDictionary(DictionaryOf(board)), found,
-                           ids);
+  cv::aruco::detectMarkers(image, MarkerDictionary(DictionaryOf(board)), found, ids);
   EXPECT_TRUE(ids.empty());
   const MarkerReader reader(board);
   for (size_t turns = 0; turns < 4; ++turns) {

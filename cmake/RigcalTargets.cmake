@@ -118,10 +118,10 @@ function(rigcal_optimise target)
     target_compile_options(${target} PRIVATE -O3)
   elseif(ARG_COLD)
     target_compile_options(${target} PRIVATE -O1)
-    # A precompiled header wants this as it was, and from gcc 13 on -O2 sets it.
+    # A precompiled header wants these as they were, and from gcc 13 on -O2 sets them.
     if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 13
         AND CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64|i.86")
-      target_compile_options(${target} PRIVATE -munroll-only-small-loops)
+      target_compile_options(${target} PRIVATE -munroll-only-small-loops -mvzeroupper)
     endif()
   endif()
 endfunction()

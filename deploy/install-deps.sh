@@ -31,6 +31,8 @@ packages=(
   gcc-avr avr-libc libsimavr-dev
   # the Python package: to run, and to make a wheel of it
   python3 python3-numpy python3-grpcio python3-protobuf python3-pip python3-setuptools python3-wheel
+  # the documentation as a site
+  mkdocs
   # tests
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-opencv python3-matplotlib
 )
@@ -39,7 +41,7 @@ packages=(
 command -v node >/dev/null && command -v npm >/dev/null || packages+=(nodejs npm)
 command -v chromium >/dev/null || packages+=(chromium)
 
-[ "${1:-}" != --packages ] || packages+=(debhelper dpkg-dev pandoc)
+[ "${1:-}" != --packages ] || packages+=(debhelper dpkg-dev)
 
 missing=()
 for package in "${packages[@]}"; do

@@ -61,6 +61,7 @@ struct Flags {
   // These override the file.
   std::string listen;
   std::string data_dir;
+  std::string docs_dir;
   std::string log_level;
 };
 
@@ -72,6 +73,7 @@ absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
   if (!flags.listen.empty()) config.listen = WithPort(flags.listen, kUsualPort);
   if (!flags.log_level.empty()) config.log_level = flags.log_level;
   if (!flags.data_dir.empty()) config.data_dir = flags.data_dir;
+  if (!flags.docs_dir.empty()) config.docs_dir = flags.docs_dir;
   if (config.data_dir.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(config.data_dir, DefaultDataDirectory());
   }
@@ -315,6 +317,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
            .https_listen = config.https.listen,
            .hosts = HostsOf(config.https.hosts),
            .plain_loopback = HasOpenLoopback(config),
+           .docs_dir = config.docs_dir,
            .audit = &audit,
            .ready = [&] { return Readiness(config.data_dir, store->Health(), ingest.Stats()); }}));
   if (web->authority() != nullptr) {
@@ -416,6 +419,11 @@ int Run(int argc, char** argv) {
       ->type_name("HOST[:PORT]");
   app.add_option("--data-dir", flags.data_dir,
                  "Folder of the database (default $XDG_DATA_HOME/rigcal or ~/.local/share/rigcal)")
+      ->type_name("DIR");
+  app.add_option(
+         "--docs-dir", flags.docs_dir,
+         "Folder of the documentation, shown at /docs/ beside the dashboard (default: where "
+         "the package rigcal-doc has it)")
       ->type_name("DIR");
   app.add_option("--port-file", flags.port_file,
                  "File for the port number, written once the server accepts calls")

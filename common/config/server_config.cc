@@ -56,6 +56,7 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   OptionTable options, https, tls, discovery, limits, retention;
   AddAddress("listen", &config.listen, 0, "where the server listens", &options);
   options.AddPath("data_dir", &config.data_dir, "of the store");
+  options.AddPath("docs_dir", &config.docs_dir, "of the documentation, for /docs/");
   AddLogLevel(&config.log_level, &options);
   bool loopback = false;
   tls.Add("loopback", &loopback, "TLS for clients on this machine too");
@@ -71,6 +72,7 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
     section.AddFault("data_dir", "must not be empty");
   }
   config.data_dir = ResolvedPath(path, config.data_dir);
+  config.docs_dir = ResolvedPath(path, config.docs_dir);
   ReadTable(&file, &section, "tls", tls);
   if (file.root["tls"]["loopback"]) config.tls.loopback = loopback;
   ReadTable(&file, &section, "https", https);

@@ -72,6 +72,7 @@ struct RetentionConfig {
 struct ServerConfig {
   std::string listen = "127.0.0.1:7420";  // HOST:PORT; port 0: any free one
   std::string data_dir;                   // empty: DefaultDataDirectory()
+  std::string docs_dir;                   // of the documentation; empty: where rigcal-doc has it
   std::string log_level = "info";         // trace, debug, info, warn, error, off
   ServerHttpsConfig https;
   ServerTlsConfig tls;

@@ -13,6 +13,7 @@
 #include "absl/strings/str_replace.h"
 #include "common/identity/private_key.h"
 #include "server/api/gzip.h"
+#include "server/http/content_type.h"
 
 namespace rigcal::server {
 namespace {
@@ -41,28 +42,10 @@ using Pages = std::map<std::string, Page, std::less<>>;  // by name
 
 bool HasHash(std::string_view name) { return name.starts_with("assets/"); }
 
-std::string TypeOf(std::string_view name) {
-  static constexpr std::pair<std::string_view, const char*> kTypes[] = {
-      {".html", "text/html; charset=utf-8"},
-      {".js", "text/javascript; charset=utf-8"},
-      {".css", "text/css; charset=utf-8"},
-      {".txt", "text/plain; charset=utf-8"},
-      {".json", "application/json"},
-      {".svg", "image/svg+xml"},
-      {".png", "image/png"},
-      {".ico", "image/x-icon"},
-      {".woff2", "font/woff2"},
-      {".webmanifest", "application/manifest+json"}};
-  for (const auto& [ending, type] : kTypes) {
-    if (name.ends_with(ending)) return type;
-  }
-  return "application/octet-stream";
-}
-
 Page MakePage(std::string_view name, std::string text, std::string gzipped) {
   Page page;
   page.hash = absl::BytesToHexString(Sha256(text).substr(0, kHashBytes));
-  page.response = {.content_type = TypeOf(name),
+  page.response = {.content_type = ContentTypeOf(name),
                    .body = std::move(text),
                    .gzipped = std::move(gzipped),
                    .etag = page.hash,

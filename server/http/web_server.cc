@@ -11,6 +11,7 @@
 #include "common/status/status_macros.h"
 #include "server/http/api_handler.h"
 #include "server/http/asset_routes.h"
+#include "server/http/docs_routes.h"
 #include "server/http/identity_routes.h"
 #include "server/http/login_routes.h"
 #include "server/identity/server_identity.h"
@@ -118,6 +119,7 @@ std::vector<HttpRoute> WebServer::Routes(const WebServerParts& parts) {
             },
         .who = For::kSignedIn}});
   add(AssetRoutes(BuiltInAssets()));
+  add(DocsRoutes(options_.docs_dir.empty() ? DefaultDocsFolder() : options_.docs_dir));
   add(ApiHttpRoutes(parts.gateway));
   return routes;
 }

@@ -27,6 +27,7 @@ struct WebServerOptions {
   std::string https_listen;
   std::vector<std::string> hosts = {};  // further names under which browsers reach it
   bool plain_loopback = true;           // as in HttpServerOptions
+  std::filesystem::path docs_dir = {};  // of the documentation; empty: DefaultDocsFolder()
   AuditLog* audit = nullptr;            // who joined and who was refused; null: nothing is written
   // Whether the server takes data, for /readyz.
   std::function<absl::Status()> ready = [] { return absl::OkStatus(); };

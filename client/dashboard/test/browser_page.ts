@@ -133,6 +133,21 @@ test('by keyboard alone: skip link, pages, start', async () => {
   });
 });
 
+test('leads to the documentation where the server has it', async () => {
+  for (const docs of [true, false]) {
+    await visit(sizes[0], { docs }, async ({ address, page }) => {
+      const asked = page.waitForResponse((response) => response.url().endsWith('/docs.json'));
+      await page.goto(address);
+      await (await asked).finished();
+      await page.getByText('connected').waitFor();
+      const link = page.getByRole('link', { name: 'Docs' });
+      if (docs) await link.waitFor();
+      assert.equal(await link.count(), docs ? 1 : 0);
+      if (docs) assert.equal(await link.getAttribute('href'), '/docs/');
+    });
+  }
+});
+
 test('the light theme is as readable, and stays chosen', async () => {
   await visit(sizes[0], {}, async ({ server, address, page }) => {
     server.rig.create({ id: 's-1', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] }, goal: { until_mm: 1 } });

@@ -37,6 +37,8 @@ export interface MockOptions {
   locked?: boolean;
   /** Join strings are refused, as by a server on loopback. */
   local?: boolean;
+  /** It has the documentation. */
+  docs?: boolean;
 }
 
 export class MockServer {
@@ -150,6 +152,7 @@ export class MockServer {
       }
       response.setHeader('Content-Security-Policy', contentSecurityPolicy);
       response.setHeader('X-Content-Type-Options', 'nosniff');
+      if (url.pathname === '/docs.json') return this.json(response, this.options.docs ? { is_there: true } : {});
       if (!url.pathname.startsWith('/v1/')) return this.file(url.pathname, request, response);
       if (request.method !== 'GET' && request.headers['x-rigcal'] !== '1') {
         this.counts.withoutHeader += 1;

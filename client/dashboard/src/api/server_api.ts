@@ -264,6 +264,12 @@ export async function rollbackRig(rig: string, reason: string, force: boolean): 
     .activation ?? {};
 }
 
+/** Whether the server has the documentation, at /docs/. */
+export async function hasDocs(signal?: AbortSignal): Promise<boolean> {
+  const answer = await call('/docs.json', { signal });
+  return (answer.json as { is_there?: boolean }).is_there === true;
+}
+
 /** The agents that are or were connected. */
 export function listAgents(signal?: AbortSignal): Promise<ListAgentsResponse> {
   return ask('/v1/agents', { signal });

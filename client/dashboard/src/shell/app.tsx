@@ -2,7 +2,7 @@
 // The frame around all pages: navigation, connection, theme.
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { listAgents } from '../api/server_api';
+import { hasDocs, listAgents } from '../api/server_api';
 import { JoinPage } from '../join/join_page';
 import { LoginPage } from '../join/login_page';
 import { LensPage } from '../lens/lens_page';
@@ -51,6 +51,12 @@ function RigChoice(): JSX.Element | null {
   }}>{names.map((name) => <option key={name}>{name}</option>)}</select></label>;
 }
 
+/** The documentation, where the server has it. */
+function DocsLink(): JSX.Element | null {
+  const docs = useLoaded('docs', (signal) => hasDocs(signal));
+  return docs.value ? <a class="docs wideonly" href="/docs/" target="_blank" rel="noopener">Docs</a> : null;
+}
+
 function Connection(): JSX.Element {
   const { stale, answeredAt, rig } = useFeed();
   const [mark, word] = sessionState(rig.session);
@@ -90,7 +96,7 @@ export function App(): JSX.Element {
       <span>rigcal</span></a>
       <nav aria-label="Pages">{pages.map((name) => <a key={name} href={hashOf(name)} aria-current={page === name ? 'page' : undefined}>
         <svg width="20" height="20" viewBox="0 0 20 20" aria-hidden="true"><path d={titles[name][1]} /></svg><span>{titles[name][0]}</span></a>)}</nav>
-      <div class="right"><RigChoice /><Connection />
+      <div class="right"><DocsLink /><RigChoice /><Connection />
         <button type="button" class="quiet" aria-pressed={theme === 'light'} onClick={() =>
           setTheme(changeSettings({ theme: theme === 'dark' ? 'light' : 'dark' }).theme)}>
           <span aria-hidden="true">◐</span><span class="wideonly"> Light</span><span class="hidden narrowonly"> Light theme</span></button></div>

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Fuzz targets (docs/fuzzing.md). Each is one file with LLVMFuzzerTestOneInput. In every build it is linked with a main
+# Fuzz targets (docs/contribute/fuzzing.md). Each is one file with LLVMFuzzerTestOneInput. In every build it is linked with a main
 # that replays its corpus, and CTest runs that; the asan preset does so under the sanitizers. With clang and
 # RIGCAL_FUZZ=ON it is a libFuzzer program.
 

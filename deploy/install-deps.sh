@@ -39,7 +39,7 @@ packages=(
 command -v node >/dev/null && command -v npm >/dev/null || packages+=(nodejs npm)
 command -v chromium >/dev/null || packages+=(chromium)
 
-[ "${1:-}" != --packages ] || packages+=(debhelper dpkg-dev pandoc)
+[ "${1:-}" != --packages ] || packages+=(debhelper dh-python dpkg-dev pandoc)
 
 missing=()
 for package in "${packages[@]}"; do

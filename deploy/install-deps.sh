@@ -41,7 +41,7 @@ packages=(
 command -v node >/dev/null && command -v npm >/dev/null || packages+=(nodejs npm)
 command -v chromium >/dev/null || packages+=(chromium)
 
-[ "${1:-}" != --packages ] || packages+=(debhelper dpkg-dev)
+[ "${1:-}" != --packages ] || packages+=(debhelper dh-python dpkg-dev)
 
 missing=()
 for package in "${packages[@]}"; do

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes Debian packages of what is committed: rigcal-server, rigcal-agent, rigcal, rigcal-doc.
+# Makes Debian packages of what is committed: rigcal-server, rigcal-agent, rigcal, rigcal-doc, python3-rigcal.
 #   deploy/package.sh [--version VERSION] [FOLDER]     FOLDER for the packages (default: build/packages)
-# Then, on any PC with the same Debian: sudo apt install ./rigcal*.deb
+# Then, on any PC with the same Debian: sudo apt install ./*rigcal*.deb
 #
 # Installs what is missing with apt, and builds everything once more: half an hour with two cores, without
 # network but for apt and npm. The version is that of deploy/debian/changelog with the time of the last commit, or that

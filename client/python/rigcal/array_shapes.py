@@ -18,10 +18,14 @@ def as_rows(name: str, values: ArrayLike, width: int) -> NDArray[np.float64]:
     array = np.asarray(values, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != width:
         got = _described(array.shape) if array.ndim else "one number"
+        axis = (
+            f": axis {array.ndim - 1} must have length {width}, not {array.shape[-1]}"
+            if array.ndim
+            else ""
+        )
         turn = array.ndim == 2 and array.shape[0] == width
         raise ValueError(
-            f"{name} must be (N, {width}), got {got}"
-            + (f": axis 1 must have length {width}; transpose it" if turn else "")
+            f"{name} must be (N, {width}), got {got}{axis}" + ("; transpose it" if turn else "")
         )
     return array
 

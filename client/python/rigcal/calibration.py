@@ -163,8 +163,7 @@ class Calibration:
             ValueError: The last axis of `pixels` is not 2 long.
         """
         seen_by = self.camera(camera)
-        directions = seen_by.lens.directions(pixels)
-        return seen_by.position_m, directions @ seen_by.rotation_cam_from_rig
+        return seen_by.position_m, seen_by.rays(pixels)
 
     def triangulate(
         self,

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rigcal.clock import CameraClock
 from rigcal.errors import RigcalError
@@ -72,3 +72,8 @@ class Camera:
     def to_camera(self, points_rig: Array) -> Array:
         """Points (N, 3) of the rig frame in the camera's frame."""
         return points_rig @ self.rotation_cam_from_rig.T + self.cam_from_rig[:3, 3]
+
+    def rays(self, pixels: ArrayLike) -> Array:
+        """Unit vectors in the rig frame along which pixels look, (..., 2) to (..., 3). NaN: the
+        lens has no ray."""
+        return self.lens.directions(pixels) @ self.rotation_cam_from_rig

@@ -16,15 +16,19 @@ from rigcal.errors import RigcalError
 from rigcal.exports import write_export
 from rigcal.identity import UserIdentity, default_address, join_server
 from rigcal.live_mirror import LiveMirror
-from rigcal.marker_rows import MarkerRows, in_order_of_time
+from rigcal.marker_rows import MarkerRows, RowsByCamera, in_order_of_time
 from rigcal.session import PATIENCE_S, Session
 from rigcal.targets import parse_target
 from rigcal.triangulation_stream import TimedPoints, triangulate_stream
 from rigcal.v1.live_pb2 import LiveState
+from rigcal.v1.session_pb2 import Session as SessionMessage
 from rigcal.v1.target_pb2 import Target
 from rigcal.v1.triangulation_service_pb2 import TriangulateStart
 
+SESSION_WAIT_S = 30.0  # for a session that captures
 _PAGE_SIZE = 500
+_CAPTURES = (SessionMessage.STATE_CAPTURING, SessionMessage.STATE_DRAINING)
+_FINISHED = SessionMessage.STATE_FINISHED
 
 
 class Client:
@@ -129,35 +133,50 @@ class Client:
             for message in page.sessions:
                 yield Session(self._connection, message)
 
-    def observations(self, session: str | Session) -> dict[str, MarkerRows]:
-        """What the cameras of a session saw, by camera, in the order in which it was taken."""
+    def observations(self, session: str | Session) -> RowsByCamera:
+        """What the cameras of a session saw, by camera, in the order in which it was taken.
+
+        It is a dict; a camera without rows is a RigcalError that names those that have some.
+        """
         times: dict[str, list[Any]] = {}
         pixels: dict[str, list[Any]] = {}
         for part in self.api("session").ReadObservations(session_id=_id_of(session)):
             batch = part.batch
             times.setdefault(batch.camera, []).append(np.array(batch.time_ns, dtype=np.int64))
             pixels.setdefault(batch.camera, []).append(_pixels_of(batch))
-        return {
+        rows = {
             camera: MarkerRows(camera, np.concatenate(own), np.concatenate(pixels[camera]))
             for camera, own in times.items()
         }
+        return RowsByCamera(_id_of(session), rows)
 
     def live(self, rig: str = "") -> LiveState:
         """The rig as it is now: cameras, session, expected error, where to wave, alerts."""
         return self.api("live").GetLive(rig=rig).live
 
     def watch(
-        self, rig: str = "", interval_s: float = 0.25, patience_s: float = PATIENCE_S
+        self,
+        rig: str = "",
+        interval_s: float = 0.25,
+        patience_s: float = PATIENCE_S,
+        *,
+        session_wait_s: float | None = SESSION_WAIT_S,
     ) -> Iterator[LiveState]:
-        """The live state now and whenever it has changed, until the caller stops.
+        """The live state now and whenever it has changed, until the rig's session has finished.
 
         Args:
             rig: Without it "rig".
             interval_s: Between two questions.
             patience_s: How long the server may be away.
+            session_wait_s: How long it waits for a session that captures. None: it goes on
+                without one, and after one, until the caller stops.
+
+        Raises:
+            RigcalError: FAILED_PRECONDITION: for so long no session has captured.
         """
         mirror, service = LiveMirror(), self.api("live")
-        last_answer = time.monotonic()
+        began = last_answer = time.monotonic()
+        captures = False
         while True:
             try:
                 revision = mirror.state.revision
@@ -170,6 +189,16 @@ class Client:
             except RigcalError as error:
                 if error.code != "UNAVAILABLE" or time.monotonic() - last_answer > patience_s:
                     raise
+            if session_wait_s is not None:
+                state = mirror.state.session.state
+                captures = captures or state in _CAPTURES
+                if captures and state == _FINISHED:
+                    return
+                if not captures and time.monotonic() - began > session_wait_s:
+                    raise RigcalError(
+                        _no_session_text(rig or "rig", mirror.state, session_wait_s),
+                        "FAILED_PRECONDITION",
+                    )
             time.sleep(interval_s)
 
     def calibrate(
@@ -272,6 +301,10 @@ class Client:
             patience_s: How long the server may be away.
             options: cameras, sigma_px, max_sigmas, diameter_m, block_s and max_delay_s of
                 rigcal.v1.TriangulateStart.
+
+        Raises:
+            RigcalError: FAILED_PRECONDITION: all rows have come to an end and there is no point,
+                with the reason and when each camera has seen a marker.
         """
         used = self.calibration(calibration) if isinstance(calibration, str) else calibration
         start = TriangulateStart(calibration_id=used.id, **options)
@@ -290,6 +323,14 @@ class Client:
             token = page.next_page_token
             if not token:
                 return
+
+
+def _no_session_text(rig: str, live: LiveState, waited_s: float) -> str:
+    last = f" (the last one, {live.session.id}, does not)" if live.session.id else ""
+    return (
+        f"no session of rig {rig} captures{last}, and none began within {waited_s:g} s; start one "
+        "with start_session, or watch without one: watch(session_wait_s=None)"
+    )
 
 
 def _id_of(named: str | Session | Calibration) -> str:

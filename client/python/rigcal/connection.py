@@ -51,6 +51,12 @@ def message_class(descriptor: Any) -> type[Message]:
     return getattr(importlib.import_module(f"{file}_pb2"), descriptor.name)
 
 
+def _release_of(version: str) -> tuple[int, ...]:
+    """The numbers that a version begins with: "1.2.3~git5" is (1, 2, 3)."""
+    found = re.match(r"\d+(\.\d+)*", version)
+    return tuple(int(number) for number in found[0].split(".")) if found else ()
+
+
 class ServerConnection:
     """The services of one server. Connects with the first call. May be used by several threads."""
 
@@ -119,10 +125,13 @@ class ServerConnection:
                 f"the server at {self.address} does not know {method}: it is another program; "
                 f"a rigcal-server of version {VERSION} or newer is needed"
             )
-        return (
-            f"the server at {self.address} is rigcal-server {version} and does not know {method}: "
-            f"a server of version {VERSION} or newer is needed"
-        )
+        says = f"the server at {self.address} is rigcal-server {version} and does not know {method}"
+        if _release_of(version) > _release_of(VERSION):
+            return (
+                f"{says} of this package's version {VERSION}: install the Python package of "
+                f"version {version}"
+            )
+        return f"{says}: a server of version {VERSION} or newer is needed"
 
     def multi_callable(self, kind: str, path: str, response: type[Message]) -> Callable[..., Any]:
         """One RPC of the channel: unary_unary, unary_stream or stream_stream."""

@@ -4,6 +4,7 @@
 The centre of the first pixel is (0, 0). Frame of the camera: x right, y down, z forward.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from rigcal.array_shapes import as_rows
 from rigcal.errors import RigcalError
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 # Distortion models by the words of calibration files, with their number of coefficients:
 #   plumb_bob            Brown-Conrady, k1 k2 p1 p2 k3
@@ -28,6 +30,26 @@ _MAX_HALVINGS = 40
 _MONOTONICITY_SAMPLES = 32
 _MAX_THETA = 1.5707  # radians; the tangent of more is no useful direction
 _ON_AXIS = 1e-16  # (distance from the axis / z)^2, below which theta / distance is 1 / z
+
+
+def _halve_until_taken(
+    take: Callable[[Indices, Array], NDArray[np.bool_]], active: Indices, step: Array
+) -> NDArray[np.bool_]:
+    """Newton's steps, each halved until `take` accepts it; False: none was accepted.
+
+    Args:
+        take: Of points and their steps; takes the good ones, and says which these are.
+        active: (N,), the points.
+        step: (N,) or (N, 2), their steps.
+    """
+    taken = np.zeros(active.size, dtype=bool)
+    for _ in range(_MAX_HALVINGS):
+        rest = np.flatnonzero(~taken)
+        if rest.size == 0:
+            break
+        taken[rest] = take(active[rest], step[rest])
+        step = 0.5 * step
+    return taken
 
 
 @dataclass
@@ -282,20 +304,17 @@ class Lens:
                 axis=-1,
             )
             delta /= determinant[:, None]
-            better = np.zeros(active.size, dtype=bool)
-            for _ in range(_MAX_HALVINGS):
-                rest = np.flatnonzero(~better)
-                if rest.size == 0:
-                    break
-                at = active[rest]
-                following = point[at] + delta[rest]
+
+            def bends_closer(at: Indices, step: Array) -> NDArray[np.bool_]:
+                following = point[at] + step
                 bent = self._distort(*following.T)
                 left = np.linalg.norm(distorted[at] - np.stack([bent.x, bent.y], -1), axis=-1)
                 good = (left < error[at]) & bent.is_monotone()
                 point[at[good]] = following[good]
                 error[at[good]] = left[good]
-                better[rest[good]] = True
-                delta *= 0.5
+                return good
+
+            better = _halve_until_taken(bends_closer, active, delta)
             active = active[better & (error[active] > _EXACT)]
         # With a positive definite derivative everywhere on the way from the image's centre the
         # map is one to one there.
@@ -313,21 +332,18 @@ class Lens:
             if active.size == 0:
                 break
             delta = (goal[active] - value[active]) / slope[active]
-            better = np.zeros(active.size, dtype=bool)
-            for _ in range(_MAX_HALVINGS):
-                rest = np.flatnonzero(~better)
-                if rest.size == 0:
-                    break
-                at = active[rest]
-                following = theta[at] + delta[rest]
+
+            def turns_closer(at: Indices, step: Array) -> NDArray[np.bool_]:
+                following = theta[at] + step
                 bent, bent_slope = self._theta(following)
                 good = (following >= 0) & (following <= _MAX_THETA) & (bent_slope > 0)
                 good &= np.abs(goal[at] - bent) < np.abs(goal[at] - value[at])
                 taken = at[good]
                 theta[taken], value[taken] = following[good], bent[good]
                 slope[taken] = bent_slope[good]
-                better[rest[good]] = True
-                delta *= 0.5
+                return good
+
+            better = _halve_until_taken(turns_closer, active, delta)
             active = active[better & (value[active] != goal[active])]
         good = np.abs(goal - value) <= _ROUND_TRIP
         for i in range(1, _MONOTONICITY_SAMPLES + 1):

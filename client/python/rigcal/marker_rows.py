@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rigcal.array_shapes import as_nanoseconds, as_rows
 from rigcal.calibration import Calibration
+from rigcal.errors import RigcalError
 
 _PIECE_NS = 250_000_000
 
@@ -31,9 +32,11 @@ class MarkerRows:
         object.__setattr__(self, "time_ns", as_nanoseconds("time_ns", self.time_ns))
         object.__setattr__(self, "pixels", as_rows("pixels", self.pixels, 2))
         if self.time_ns.ndim != 1 or self.pixels.ndim != 3 or len(self.pixels) != len(self.time_ns):
+            differ = self.time_ns.ndim == 1 and self.pixels.ndim == 3
             raise ValueError(
                 f"rows of {self.camera}: pixels must be (N, M, 2) with as many rows as time_ns, "
                 f"got {self.pixels.shape} and {self.time_ns.shape}"
+                + (": axis 0 of both must have one length" if differ else "")
             )
 
     def __len__(self) -> int:
@@ -41,6 +44,24 @@ class MarkerRows:
 
     def __getitem__(self, rows: slice) -> "MarkerRows":
         return MarkerRows(self.camera, self.time_ns[rows], self.pixels[rows])
+
+
+class RowsByCamera(dict[str, MarkerRows]):
+    """The rows of a session, by camera.
+
+    A camera without rows is a RigcalError that names those that have some.
+    """
+
+    def __init__(self, session: str, rows: Mapping[str, MarkerRows]):
+        super().__init__(rows)
+        self._session = session
+
+    def __missing__(self, camera: str) -> MarkerRows:
+        raise RigcalError(
+            f"session {self._session} has no rows of camera {camera}; it has rows of "
+            + (", ".join(self) or "none"),
+            "NOT_FOUND",
+        )
 
 
 def in_order_of_time(

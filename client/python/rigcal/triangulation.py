@@ -113,10 +113,7 @@ class _Views:
 
     @classmethod
     def of(cls, cameras: list[Camera], pixels: Array) -> "_Views":
-        bearings = [
-            camera.lens.directions(own) @ camera.rotation_cam_from_rig
-            for camera, own in zip(cameras, pixels)
-        ]
+        bearings = [camera.rays(own) for camera, own in zip(cameras, pixels)]
         return cls(pixels, np.stack(bearings))
 
     def at(self, points: NDArray[np.int64]) -> "_Views":

@@ -15,6 +15,7 @@ from rigcal.connection import Service
 from rigcal.errors import RigcalError
 from rigcal.marker_rows import MarkerRows
 from rigcal.v1.triangulation_service_pb2 import (
+    TriangulateCounts,
     TriangulateRequest,
     TriangulateResponse,
     TriangulateRows,
@@ -93,6 +94,8 @@ class _Feed:
         self._round = 0  # counts the streams; requests of an old one end
         self._ended = self._stopped = False
         self._error: Exception | None = None
+        # By camera the rig times of the first and the last row with a marker; None: of none.
+        self._seen: dict[str, tuple[int, int] | None] = {}
         threading.Thread(target=self._take, name="rigcal rows", daemon=True).start()
 
     def requests(self, start: TriangulateStart) -> Iterator[TriangulateRequest]:
@@ -118,6 +121,34 @@ class _Feed:
         if self._error is not None:
             raise self._error
 
+    def raise_no_point(self, counts: TriangulateCounts) -> None:
+        """RigcalError: rows were taken, and none of their markers became a point."""
+        if not self._seen:
+            return
+        first = min((span[0] for span in self._seen.values() if span), default=0)
+        when = ", of ".join(
+            f"{name} from {1e-9 * (span[0] - first):.1f} to {1e-9 * (span[1] - first):.1f} s"
+            if span
+            else f"{name} no marker"
+            for name, span in self._seen.items()
+        )
+        why = [
+            f"{count} {text}"
+            for count, text in (
+                (counts.alone, "markers were seen by one camera only"),
+                (counts.no_ray, "had parallel rays, or none"),
+                (counts.disagree, "had cameras that do not agree"),
+                (counts.late_rows, "rows came too late"),
+            )
+            if count
+        ]
+        raise RigcalError(
+            f"there is no point: {', '.join(why) or 'no marker was seen'}. By the clocks of the "
+            f"calibration there are rows of {when}. Are the rows of one recording and of this "
+            "calibration's cameras, and were no clocks set anew since?",
+            "FAILED_PRECONDITION",
+        )
+
     def stop(self) -> None:
         with self._changed:
             self._stopped = True
@@ -141,6 +172,7 @@ class _Feed:
         try:
             for rows in self._rows:
                 self._calibration.camera(rows.camera)
+                self._note(rows)
                 for begin in range(0, len(rows), _ROWS_PER_MESSAGE):
                     if not self._put(_message_of(rows[begin : begin + _ROWS_PER_MESSAGE])):
                         return
@@ -149,6 +181,15 @@ class _Feed:
         with self._changed:
             self._ended = True
             self._changed.notify_all()
+
+    def _note(self, rows: MarkerRows) -> None:
+        at = np.flatnonzero(np.isfinite(rows.pixels).all(-1).any(-1))
+        known = self._seen.get(rows.camera)
+        if at.size == 0:
+            self._seen[rows.camera] = known
+            return
+        span = self._calibration.rig_time(rows.camera, rows.time_ns[at[[0, -1]]])
+        self._seen[rows.camera] = (known[0] if known else int(span[0]), int(span[1]))
 
     def _put(self, rows: TriangulateRows) -> bool:
         with self._changed:
@@ -184,18 +225,20 @@ def triangulate_stream(
 
     Raises:
         RigcalError: What the server refuses; UNAVAILABLE: it was away for longer than
-            `patience_s`.
+            `patience_s`; FAILED_PRECONDITION: no row had a point, and why.
     """
     # What the server may look at around the last point, and rows of cameras that are behind.
     context_s = 2 * (start.max_delay_s or 2) + 2 * (start.block_s or 0.5)
     feed = _Feed(rows, calibration, round(1e9 * context_s))
-    after = _BEGIN
+    after, counts = _BEGIN, TriangulateCounts()
     last_answer = time.monotonic()
     try:
         while True:
             try:
                 for response in service.Triangulate(feed.requests(start)):
                     last_answer = time.monotonic()
+                    if response.HasField("counts"):
+                        counts = response.counts
                     points = _points_of(response, after)
                     if len(points):
                         after = (int(points.time_ns[-1]), int(points.marker[-1]))
@@ -203,6 +246,8 @@ def triangulate_stream(
                         yield points
                         last_answer = time.monotonic()
                 feed.raise_error()
+                if after == _BEGIN:
+                    feed.raise_no_point(counts)
                 return
             except RigcalError as error:
                 feed.raise_error()

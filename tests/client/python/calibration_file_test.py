@@ -75,8 +75,8 @@ class Files(unittest.TestCase):
         self.refused("[" * 100000, "is not the JSON")
         self.refused("{}", "it has no list of cameras")
         self.refused('{"cameras": []}', "it has no field state")
-        self.refused('{"cameras": [{}], "state": "STATE_SUCCEEDED"}', "KeyError..camera")
-        self.refused('{"cameras": [3], "state": "STATE_SUCCEEDED"}', "is not the JSON")
+        self.refused('{"cameras": [{}], "state": "STATE_SUCCEEDED"}', "camera number 1 has no name: its field camera is missing")
+        self.refused('{"cameras": [3], "state": "STATE_SUCCEEDED"}', "camera number 1 is no object")
         with self.assertRaisesRegex(RigcalError, "cannot read the calibration .*nowhere.json"):
             Calibration.load(self.folder / "nowhere.json")
         (self.folder / "calibration.json").write_bytes(b"\xff\xfe\x00")
@@ -90,23 +90,64 @@ class Files(unittest.TestCase):
     def test_an_unknown_lens_model_is_named_with_the_known_ones(self):
         self.rig["cameras"][2]["intrinsics"]["model"] = "MODEL_SPLINED"
         self.refused(json.dumps(self.rig),
-                     "camera folding: the lens model MODEL_SPLINED is not known here; known are "
+                     "calibration.json: camera folding: intrinsics.model: the lens model MODEL_SPLINED is not known here; known are "
                      "MODEL_BROWN_CONRADY, MODEL_RATIONAL, MODEL_FISHEYE")
 
     def test_bad_values_name_the_camera(self):
         for change, message in [
             (lambda camera: camera["intrinsics"].update(distortion=[1, 2]),
              "camera brown: plumb_bob has 5 distortion coefficients"),
-            (lambda camera: camera["intrinsics"].update(fx_px="NaN"), "camera brown: fx_px is nan"),
+            (lambda camera: camera["intrinsics"].update(fx_px="NaN"), "camera brown: intrinsics.fx_px is NaN"),
             (lambda camera: camera["cam_from_rig"]["rotation"].update(w=3.0),
-             "camera brown: the rotation is not a unit quaternion"),
+             "camera brown: cam_from_rig.rotation: the rotation is not a unit quaternion"),
             (lambda camera: camera["cam_from_rig"].pop("rotation"), "not a unit quaternion"),
             (lambda camera: camera["cam_from_rig"]["translation_m"].update(x="Infinity"),
-             "camera brown: its translation is not finite"),
+             "camera brown: cam_from_rig.translation_m.x is Infinity, it must be a finite"),
+            (lambda camera: camera["cam_from_rig"]["rotation"].update(w="NaN"),
+             "camera brown: cam_from_rig.rotation.w is NaN"),
+            (lambda camera: camera.pop("cam_from_rig"), "brown: cam_from_rig is missing"),
+            (lambda camera: camera["image_size_px"].update(width=0),
+             "brown: image_size_px.width is 0, it must be a whole number, 1 or more"),
+            (lambda camera: camera["image_size_px"].update(height=-2), "size_px.height is -2"),
+            (lambda camera: camera["image_size_px"].update(height=10.5), "size_px.height is 10.5"),
+            (lambda camera: camera["intrinsics"].update(distortion=[0, 0, "NaN", 0, 0]),
+             r"brown: intrinsics.distortion\[2\] is NaN"),
+            (lambda camera: camera["intrinsics"].update(cx_px=True), "intrinsics.cx_px is True"),
+            (lambda camera: camera.update(time_offset_s="NaN"), "brown: time_offset_s is NaN"),
         ]:
             rig = copy.deepcopy(self.rig)
             change(rig["cameras"][0])
             self.refused(json.dumps(rig), message)
+
+    def test_a_camera_that_is_there_twice(self):
+        self.rig["cameras"].append(self.rig["cameras"][0])
+        self.refused(json.dumps(self.rig), "calibration.json: camera brown is there 2 times")
+
+    def test_a_covariance_that_is_not_finite(self):
+        self.rig["camera_covariance"][3] = "NaN"
+        self.refused(json.dumps(self.rig), r"calibration.json: camera_covariance\[3\] is NaN")
+
+    def test_bad_values_of_yaml_name_the_camera(self):
+        path = rig_cases.write(self.rig, self.folder)
+        written = self.folder / "opencv"
+        subprocess.run([rig_cases.program("rigcal"), "calibration", "import", path,
+                        "--output", written], check=True, capture_output=True)
+        file, other = written / "brown.yaml", written / "pole.yaml"
+        good = file.read_text()
+        pose = good.index("data: [", good.index("extrinsics:")) + len("data: [")
+        for text, message in [
+            (good.replace("image_width: 1280", "image_width: 0"), "image_width is 0"),
+            (good.replace("image_width: 1280\n", ""), "has no image_width"),
+            (good[:pose] + " 2." + good[good.index(",", pose):], "brown: extrinsics has no rotation"),
+            (good[:pose] + " .nan" + good[good.index(",", pose):], "extrinsics"),
+        ]:
+            self.assertNotEqual(text, good)
+            file.write_text(text)
+            with self.assertRaisesRegex(RigcalError, f"brown.yaml.*{message}"):
+                Calibration.load(written)
+        file.write_text(other.read_text())
+        with self.assertRaisesRegex(RigcalError, "opencv: camera pole is there 2 times"):
+            Calibration.load(written)
 
     def test_bad_yaml(self):
         file = self.folder / "left.yaml"

@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 import unittest
+from unittest import mock
 
 import grpc
 import numpy as np
@@ -197,6 +198,28 @@ class OneRig(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, r"must be \(N, M, 2\).*got \(2, 1, 2\) and \(1,\)"):
             MarkerRows("sim_0", [1], np.zeros((2, 1, 2)))
 
+    def test_rows_without_a_point_say_why(self):
+        rows = self.client.observations("wave")
+        with self.assertRaisesRegex(RigcalError, "wave has no rows of camera left; it has rows of "
+                                                 "sim_0, sim_1, sim_2, sim_3"):
+            rows["left"]
+        first = rows["sim_0"]
+        late = MarkerRows("sim_1", rows["sim_1"].time_ns + 100_000_000_000, rows["sim_1"].pixels)
+        with self.assertRaisesRegex(
+                RigcalError, r"no point: \d+ markers were seen by one camera only.*sim_0 from 0.0 "
+                             r"to \d+.\d s, of sim_1 from 10\d.\d to") as caught:
+            list(self.client.triangulate({"sim_0": first, "sim_1": late}, self.calibration))
+        self.assertEqual(caught.exception.code, "FAILED_PRECONDITION")
+        blind = MarkerRows("sim_1", first.time_ns, np.full_like(first.pixels, np.nan))
+        with self.assertRaisesRegex(RigcalError, "of sim_1 no marker"):
+            list(self.client.triangulate({"sim_0": first, "sim_1": blind}, self.calibration))
+
+    def test_watch_without_a_session_ends(self):
+        with self.assertRaisesRegex(
+                RigcalError, "no session of rig rig captures.*none began within 0.5 s; start one"):
+            for live in self.client.watch(session_wait_s=0.5):
+                self.assertEqual(live.rig, "rig")
+
     def test_everything_else_is_in_the_api(self):
         agents = lambda: self.client.api("agent").ListAgents().agents
         # It comes back by itself after a restart of the server.
@@ -226,6 +249,12 @@ class LiveState(unittest.TestCase):
                 break
         self.assertGreater(len(set(counts)), 3)
         self.assertEqual(live.session.id, session.id)
+        stop = threading.Timer(1.0, session.stop)
+        stop.start()
+        for live in client.watch(interval_s=0.1):
+            self.assertLess(time.monotonic(), deadline)
+        stop.join()
+        self.assertEqual((live.session.id, live.session.state), (session.id, 4))
         self.assertEqual(session.stop().state, "finished")
 
 
@@ -272,6 +301,11 @@ class Errors(unittest.TestCase):
         self.assertIn(
             f"is rigcal-server {self.client.version()} and does not know SessionService.Juggle: "
             f"a server of version {rigcal.__version__} or newer", said)
+        status = mock.Mock(GetStatus=lambda: mock.Mock(software_version="99.1.0"))
+        with mock.patch.object(connection, "service", lambda name: status):
+            said = str(connection.explain(caught.exception, "SessionService.Juggle", 1))
+        self.assertIn("99.1.0 and does not know SessionService.Juggle of this package's version "
+                      f"{rigcal.__version__}: install the Python package of version 99.1.0", said)
 
     def test_fields_and_values_of_a_newer_server(self):
         newer = Session(id="wave").SerializeToString() + b"\x20\x63" + b"\xba\x3e\x03new"

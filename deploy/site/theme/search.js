@@ -18,6 +18,12 @@
   let entries;
   let index;
 
+  // Guides come before lists and figures, those before messages and files.
+  function weightOf(location) {
+    if (/^(reference|files|commands)\//.test(location)) return 0.4;
+    return /^(sources|accuracy|performance|fuzzing|ARCHITECTURE)\./.test(location) ? 0.6 : 1;
+  }
+
   function load() {
     loading ??= new Promise((resolve, reject) => {
       const script = document.createElement('script');
@@ -46,9 +52,7 @@
         this.field('pageTitle', { boost: 3 });
         this.field('text');
         for (const [location, entry] of Object.entries(entries)) {
-          // Guides before lists of messages and files.
-          const boost = /^(reference|files|commands)\//.test(location) ? 0.4 : 1;
-          this.add({ location, ...entry }, { boost });
+          this.add({ location, ...entry }, { boost: weightOf(location) });
         }
       });
     });

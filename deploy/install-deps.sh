@@ -32,7 +32,7 @@ packages=(
   # the Python package: to run, and to make a wheel of it
   python3 python3-numpy python3-grpcio python3-protobuf python3-pip python3-setuptools python3-wheel
   # tests
-  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-opencv python3-matplotlib
+  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-opencv python3-matplotlib python3-yaml
 )
 
 # The dashboard and its tests, unless these programs are here from elsewhere.

@@ -34,7 +34,7 @@ packages=(
   # the documentation as a site
   mkdocs
   # tests
-  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-opencv python3-matplotlib
+  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-opencv python3-matplotlib python3-yaml
 )
 
 # The dashboard and its tests, unless these programs are here from elsewhere.

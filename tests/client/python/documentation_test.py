@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The examples of docs/python.md run, one after the other, against a real server."""
+"""The examples of the pages on Python run, one after the other, against a real server."""
 
 import contextlib
 import io
@@ -11,19 +11,21 @@ from unittest import mock
 
 from running_rig import RunningRig
 
-PAGE = Path(os.environ["RIGCAL_SOURCE_DIR"]) / "docs/python.md"
+DOCS = Path(os.environ["RIGCAL_SOURCE_DIR"]) / "docs"
+PAGES = (DOCS / "python.md", DOCS / "python_wave_to_plot.md")
 LONGEST_EXAMPLE = 12
 
 
-def examples():
+def examples(page):
     """The code of each block, with the line where it begins."""
-    text = PAGE.read_text()
+    text = page.read_text()
     for found in re.finditer(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
         yield text.count("\n", 0, found.start(1)) + 1, found[1]
 
 
 class Page(unittest.TestCase):
-    def test_all_examples_run(self):
+    def run_examples(self, page):
+        """The names that all examples of a page leave, what each prints, and where they ran."""
         rig = RunningRig()
         self.addCleanup(rig.close)
         rig.start_agent("duration=600;rate=50;speed=8")
@@ -34,28 +36,41 @@ class Page(unittest.TestCase):
         before = os.getcwd()
         os.chdir(folder)
         self.addCleanup(os.chdir, before)
-        for line, code in examples():
+        for line, code in examples(page):
             out = io.StringIO()
             with mock.patch.dict(os.environ, {"RIGCAL_SERVER": rig.address}):
                 with contextlib.redirect_stdout(out):
                     # As many lines before it as on the page, for what is raised.
-                    exec(compile("\n" * (line - 1) + code, PAGE, "exec"), names)
+                    exec(compile("\n" * (line - 1) + code, page, "exec"), names)
             printed.append(out.getvalue())
         names["client"].close()
-        self.assertEqual(len(printed), 6)
-        wave, calibrated, _, alone, live, rest = printed
-        self.assertRegex(wave, r"\d\.\d mm")
-        self.assertRegex(calibrated, r"c-000001 (good|usable) \d+\.\d\d mm")
+        return names, printed, folder
+
+    def test_all_examples_run(self):
+        names, printed, folder = self.run_examples(PAGES[0])
+        self.assertEqual(len(printed), 4)
+        _, alone, live, rest = printed
         self.assertGreater((folder / "wave.png").stat().st_size, 10_000)
         self.assertGreater(len(names["points"]), 0)
         self.assertIn("[4 4 4]", alone)
         self.assertRegex(live.splitlines()[-1], r"\d+ \[.*\]")
         self.assertRegex(rest, r"NOT_FOUND .*nowhere")
 
+    def test_all_steps_run(self):
+        _, printed, folder = self.run_examples(PAGES[1])
+        self.assertEqual(len(printed), 4)
+        wave, calibrated, measured, _ = printed
+        self.assertRegex(wave, r"\d\.\d mm")
+        self.assertRegex(calibrated, r"c-000001 (good|usable) \d+\.\d\d mm")
+        self.assertRegex(measured, r"0\.13 m is measured as 0\.1(29[5-9]|30[0-5])")
+        self.assertGreater((folder / "steps.png").stat().st_size, 10_000)
+
     def test_examples_are_short(self):
-        for line, code in examples():
-            self.assertLessEqual(len(code.strip().splitlines()), LONGEST_EXAMPLE, f"line {line}")
+        for page in PAGES:
+            for line, code in examples(page):
+                self.assertLessEqual(
+                    len(code.strip().splitlines()), LONGEST_EXAMPLE, f"{page}:{line}")
 
     def test_the_page_is_short(self):
-        lines = PAGE.read_text().splitlines()
-        self.assertLessEqual(len(lines), 120)
+        for page in PAGES:
+            self.assertLessEqual(len(page.read_text().splitlines()), 120, page)

@@ -57,6 +57,7 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   AddAddress("listen", &config.listen, 0, "where the server listens", &options);
   options.AddPath("data_dir", &config.data_dir, "of the store");
   AddLogLevel(&config.log_level, &options);
+  AddLogFormat(&config.log_format, &options);
   bool loopback = false;
   tls.Add("loopback", &loopback, "TLS for clients on this machine too");
   AddAddress("listen", &config.https.listen, 0, "where browsers and other PCs find it", &https);

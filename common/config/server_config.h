@@ -73,6 +73,7 @@ struct ServerConfig {
   std::string listen = "127.0.0.1:7420";  // HOST:PORT; port 0: any free one
   std::string data_dir;                   // empty: DefaultDataDirectory()
   std::string log_level = "info";         // trace, debug, info, warn, error, off
+  std::string log_format = "auto";        // auto, text, json, journal
   ServerHttpsConfig https;
   ServerTlsConfig tls;
   ServerDiscoveryConfig discovery;

@@ -29,6 +29,7 @@
 #include "common/enrolment/renewal_thread.h"
 #include "common/failpoint/failpoint.h"
 #include "common/identity/identity_folder.h"
+#include "common/log/level_signals.h"
 #include "common/log/start_log.h"
 #include "common/service/service_notice.h"
 #include "common/status/status_macros.h"
@@ -66,6 +67,7 @@ struct Flags {
   std::string state_dir;
   std::string spool;
   std::string log_level;
+  std::string log_format;
   std::vector<std::string> sources;
 };
 
@@ -84,6 +86,10 @@ void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option("--source", flags.sources,
                  "SPEC of a camera; repeatable; replaces the cameras of the file");
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error, off [info]");
+  app.add_option("--log-format", flags.log_format,
+                 "text, json (a JSON object per line), journal (entries with fields in systemd's "
+                 "journal), or auto: journal under systemd, else text [auto]")
+      ->check(CLI::IsMember({"auto", "text", "json", "journal"}));
   app.footer(Footer());
 }
 
@@ -113,6 +119,7 @@ absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
   if (flags.spool == "disk") config.spool.kind = SpoolConfig::Kind::kDisk;
   if (flags.spool == "memory") config.spool.kind = SpoolConfig::Kind::kMemory;
   if (!flags.log_level.empty()) config.log_level = flags.log_level;
+  if (!flags.log_format.empty()) config.log_format = flags.log_format;
   RIGCAL_RETURN_IF_ERROR(config.Validate());
   return config;
 }
@@ -191,9 +198,12 @@ int Conclude(const LeftBehind& left, const std::string& folder) {
   return kExitUndelivered;
 }
 
-absl::StatusOr<int> RunAgent(const Flags& flags, const sigset_t& signals) {
+absl::StatusOr<int> RunAgent(const Flags& flags, sigset_t signals) {
+  AddLevelSignals(!flags.config.empty(), &signals);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   RIGCAL_ASSIGN_OR_RETURN(AgentConfig config, MakeConfig(flags));
-  spdlog::set_level(spdlog::level::from_str(config.log_level));
+  RIGCAL_RETURN_IF_ERROR(SetLogLevel(config.log_level));
+  RIGCAL_RETURN_IF_ERROR(SetLogFormat(config.log_format));
   RIGCAL_ASSIGN_OR_RETURN(auto sources, MakeSources(flags, config));
   if (config.state_dir.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(const auto directory, AgentState::DefaultDirectory(config.agent_id));
@@ -237,7 +247,14 @@ absl::StatusOr<int> RunAgent(const Flags& flags, const sigset_t& signals) {
   uplink->Start();
   if (folder.Exists()) renewal.Start();
   TellReady(absl::StrCat("sends to ", config.server));
-  const int signal = WaitForSignal(signals, [&] { spool->Status(); });
+  const auto read_level = [&flags]() -> absl::StatusOr<std::string> {
+    RIGCAL_ASSIGN_OR_RETURN(const AgentConfig now, ReadAgentConfig(flags.config));
+    return now.log_level;
+  };
+  int signal = 0;
+  do {
+    signal = WaitForSignal(signals, [&] { spool->Status(); });
+  } while (TakeLevelSignal(signal, read_level));
   TellStopping();
   spdlog::info("signal {}: ending captures", signal);
   const LeftBehind left = uplink->Shutdown(kDeliveryTimeAtEnd);

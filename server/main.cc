@@ -24,6 +24,7 @@
 #include "common/config/server_config.h"
 #include "common/discovery/discovery.h"
 #include "common/failpoint/failpoint.h"
+#include "common/log/level_signals.h"
 #include "common/log/start_log.h"
 #include "common/service/service_notice.h"
 #include "common/status/status_macros.h"
@@ -63,6 +64,7 @@ struct Flags {
   std::string data_dir;
   std::string docs_dir;
   std::string log_level;
+  std::string log_format;
 };
 
 absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
@@ -72,6 +74,7 @@ absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
   }
   if (!flags.listen.empty()) config.listen = WithPort(flags.listen, kUsualPort);
   if (!flags.log_level.empty()) config.log_level = flags.log_level;
+  if (!flags.log_format.empty()) config.log_format = flags.log_format;
   if (!flags.data_dir.empty()) config.data_dir = flags.data_dir;
   if (!flags.docs_dir.empty()) config.docs_dir = flags.docs_dir;
   if (config.data_dir.empty()) {
@@ -81,11 +84,12 @@ absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
 }
 
 // Blocks the signals in this thread and all that it starts, so that sigwait gets them.
-sigset_t BlockStopSignals() {
+sigset_t BlockSignals(bool has_config) {
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
   sigaddset(&signals, SIGINT);
+  AddLevelSignals(has_config, &signals);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   signal(SIGPIPE, SIG_IGN);
   return signals;
@@ -235,9 +239,10 @@ std::string AddressForCommands(const ServerConfig& config, int port) {
   return LocalAddress(config.listen, port);
 }
 
-absl::Status Serve(const ServerConfig& config, const std::string& port_file,
-                   const std::string& http_port_file) {
-  const sigset_t stop_signals = BlockStopSignals();
+absl::Status Serve(const ServerConfig& config, const Flags& flags) {
+  const sigset_t signals = BlockSignals(!flags.config_file.empty());
+  const std::string& port_file = flags.port_file;
+  const std::string& http_port_file = flags.http_port_file;
   // A file left by an earlier run must not be mistaken for this one's.
   if (!port_file.empty()) std::remove(port_file.c_str());
   if (!http_port_file.empty()) std::remove(http_port_file.c_str());
@@ -376,10 +381,17 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
 
   TellReady(
       absl::StrCat("accepts calls at port ", port, ", the dashboard is at ", web->LocalUrl()));
-  const int received = WaitForSignal(stop_signals, [&] {
-    store->Health();
-    ingest.Stats();
-  });
+  const auto read_level = [&flags]() -> absl::StatusOr<std::string> {
+    RIGCAL_ASSIGN_OR_RETURN(const ServerConfig now, ReadServerConfig(flags.config_file));
+    return now.log_level;
+  };
+  int received = 0;
+  do {
+    received = WaitForSignal(signals, [&] {
+      store->Health();
+      ingest.Stats();
+    });
+  } while (TakeLevelSignal(received, read_level));
   TellStopping();
   spdlog::info("stopping on signal {}", received);
   announcement.reset();
@@ -433,6 +445,10 @@ int Run(int argc, char** argv) {
       ->type_name("FILE");
   app.add_option("--log-level", flags.log_level, "Lowest level logged on stderr (default info)")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
+  app.add_option("--log-format", flags.log_format,
+                 "text, json (a JSON object per line), journal (entries with fields in systemd's "
+                 "journal), or auto: journal under systemd, else text (default auto)")
+      ->check(CLI::IsMember({"auto", "text", "json", "journal"}));
   CareCommands care(&app);
   AddVersionFlags(app, std::string(wire::kSoftwareVersion));
   const auto task = ParseCommandLine(app, argc, argv, std::cout);
@@ -455,10 +471,10 @@ int Run(int argc, char** argv) {
   } else if (!config.ok()) {
     status = config.status();
   } else {
-    spdlog::set_level(
-        spdlog::level::from_str(config->log_level == "warn" ? "warning" : config->log_level));
-    if (care.chosen()) return care.Run(config->data_dir);
-    status = Serve(*config, flags.port_file, flags.http_port_file);
+    status = SetLogLevel(config->log_level);
+    if (status.ok() && care.chosen()) return care.Run(config->data_dir);
+    if (status.ok()) status = SetLogFormat(config->log_format);
+    if (status.ok()) status = Serve(*config, flags);
   }
   return status.ok() ? 0 : Refuse(status, 1);
 }

@@ -11,6 +11,8 @@
 #include "absl/strings/str_cat.h"
 #include "agent/uplink/uplink_connection.h"
 #include "common/failpoint/failpoint.h"
+#include "common/log/correlation_id.h"
+#include "common/log/log_fields.h"
 #include "common/status/guarded.h"
 #include "common/status/status_macros.h"
 
@@ -136,6 +138,7 @@ void Uplink::Run() {
   while (!IsTimeToLeave()) {
     Backoff::Duration wait{0};
     const absl::Status fault = Guarded("the connection to the server", [&] {
+      const LogScope scope({.correlation = NewCorrelationId()});
       Conversation conversation(options_, ++connection_, &agent_, Clock::now());
       const absl::Status status = Serve(conversation);
       if (!status.ok() && !IsTimeToLeave()) wait = WaitAfter(conversation, status);

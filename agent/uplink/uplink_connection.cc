@@ -2,8 +2,11 @@
 #include "agent/uplink/uplink_connection.h"
 
 #include <iterator>
+#include <string>
 #include <utility>
 
+#include "common/log/correlation_id.h"
+#include "common/log/log_fields.h"
 #include "common/wire/grpc_status.h"
 
 namespace rigcal::agent {
@@ -16,6 +19,8 @@ constexpr size_t kMaxInbox = 256;
 UplinkConnection::UplinkConnection(std::shared_ptr<grpc::Channel> channel,
                                    std::function<void()> on_event)
     : on_event_(std::move(on_event)), stub_(v1::IngestService::NewStub(std::move(channel))) {
+  const std::string& id = LogFields::Current().correlation;
+  if (!id.empty()) context_.AddMetadata(kCorrelationKey, id);
   stub_->async()->Connect(&context_, this);
   // Writes start outside of gRPC's callbacks: without a hold the stream could be done before one.
   AddHold();

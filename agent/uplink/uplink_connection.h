@@ -19,6 +19,7 @@ namespace rigcal::agent {
 // One Connect stream to the server: writes one message at a time, keeps received messages until
 // they are taken, and reports the end of the stream. `on_event` is called on gRPC's threads
 // whenever one of these changes; it must neither block nor call back.
+// The server gets the correlation id of the thread that makes it.
 //
 // Write, TakeMessages and the getters are for one thread.
 class UplinkConnection : private grpc::ClientBidiReactor<v1::ConnectRequest, v1::ConnectResponse> {

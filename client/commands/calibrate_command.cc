@@ -14,6 +14,7 @@
 #include "client/results/ground_truth_comparison.h"
 #include "client/tables/calibration_table.h"
 #include "client/tables/rig_table.h"
+#include "common/log/correlation_id.h"
 #include "common/wire/calibration_wire.h"
 #include "rigcal/v1/calibration_service.grpc.pb.h"
 #include "rigcal/v1/session_service.grpc.pb.h"
@@ -218,14 +219,19 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
         CalibrationOf(server.Call(&CalibrationStub::CreateCalibration, request));
     if (!queued.ok()) return context.Fail(queued.status());
     if (context.console.format == OutputFormat::kTable) {
-      context.console.Message(
-          absl::StrCat("it is being solved; rigcal calibration get ", queued->id(),
-                       " shows how far it is, and the result"));
+      context.console.Message(absl::StrCat("it is being solved; rigcal calibration get ",
+                                           queued->id(), " shows how far it is, and the result"));
     }
     return ShowCalibration(*queued, context);
   }
   const absl::StatusOr<v1::Calibration> calibration = CalibrateAndWait(server, request, context);
   if (!calibration.ok()) return context.Fail(calibration.status());
+  if (calibration->state() == v1::Calibration::STATE_FAILED) {
+    context.console.Message(
+        absl::StrCat("what the log of the server and its worker says of it has "
+                     "correlation id ",
+                     OwnCorrelationId()));
+  }
   const ExitCode shown = ShowCalibration(*calibration, context);
   if (calibration->state() != v1::Calibration::STATE_SUCCEEDED) return shown;
   if (what_if || calibration->options().kind() != v1::CalibrationOptions::KIND_UNSPECIFIED) {
@@ -243,9 +249,8 @@ ExitCode ShowCalibration(const v1::Calibration& calibration, CommandContext& con
   if (context.console.format == OutputFormat::kJson) {
     context.console.out << CalibrationJson(calibration, ground_truth) << "\n" << std::flush;
   } else {
-    context.console.Print(
-        absl::StrCat(FormatCalibration(calibration),
-                     ground_truth ? FormatGroundTruthErrors(*ground_truth) : ""));
+    context.console.Print(absl::StrCat(FormatCalibration(calibration),
+                                       ground_truth ? FormatGroundTruthErrors(*ground_truth) : ""));
   }
   if (calibration.state() == v1::Calibration::STATE_FAILED) {
     context.console.Message(

@@ -2,13 +2,20 @@
 #include "client/commands/doctor_command.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "client/commands/bundle_facts.h"
+#include "client/commands/redact.h"
 #include "client/net/paging.h"
+#include "client/output/quantities.h"
+#include "common/file/durable_file.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal::client {
 namespace {
@@ -89,6 +96,47 @@ void PrintJson(const std::string& server, const std::vector<Check>& checks, bool
   out << JsonText({{"server", server}, {"ok", ok}, {"checks", lines}}) << "\n";
 }
 
+std::string Report(const std::vector<Check>& checks) {
+  std::ostringstream text;
+  PrintTable(checks, text);
+  return text.str();
+}
+
+constexpr char kReadMe[] =
+    "Made by `rigcal doctor --bundle` for those who maintain rigcal.\n\n"
+    "It holds versions, the doctor's report, configurations, the server's state, lines of the log\n"
+    "and the space on disks. It holds no observations. Join strings, keys, passwords and tokens\n"
+    "are removed. Names of PCs, users, cameras and sessions, addresses and paths are in it.\n"
+    "Look at it before you give it away.\n";
+
+// On `err`, so that the report alone stays on `out`.
+absl::Status WriteBundle(const DoctorOptions& options, const std::vector<Check>& checks,
+                         ServerConnection& server, Console& console) {
+  std::vector<ExportFile> files = {{"README.txt", kReadMe},
+                                   {"doctor.txt", Report(checks)},
+                                   VersionsOfThisPc(),
+                                   DisksOfThisPc(),
+                                   LastLogLines()};
+  for (ExportFile& file : Configurations(options.configs)) files.push_back(std::move(file));
+  for (ExportFile& file : StateOfServer(server)) files.push_back(std::move(file));
+  for (ExportFile& file : files) {
+    file.name = "rigcal-bundle/" + Redact(file.name);
+    file.content = Redact(file.content);
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const std::string archive, TarGzOf(files));
+  RIGCAL_RETURN_IF_ERROR(CreatePrivateFile(options.bundle, archive));
+  console.Message(absl::StrCat(options.bundle, " holds:"));
+  for (const ExportFile& file : files) {
+    console.err << "  " << Printable(file.name) << " (" << FormatBytes(file.content.size())
+                << ")\n";
+  }
+  console.Message(absl::StrCat(
+      "join strings, keys, passwords and tokens are removed; names of PCs and users, addresses and "
+      "paths are not, and there are no observations. Look at it before you give it away: tar -xzf ",
+      options.bundle));
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context) {
@@ -98,6 +146,14 @@ ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context) {
       return ExitCode::kUsage;
     }
     context.server = options.server;
+  }
+  if (std::error_code error;
+      !options.bundle.empty() &&
+      std::filesystem::exists(std::filesystem::symlink_status(options.bundle, error))) {
+    return context.Fail(
+        absl::FailedPreconditionError(absl::StrCat("--bundle: ", options.bundle,
+                                                   " exists already and is left as it is; name "
+                                                   "another file, or remove it")));
   }
   ServerConnection server(context.server);
   const auto status = server.Call(&v1::StatusService::Stub::GetStatus, {});
@@ -112,6 +168,10 @@ ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context) {
     PrintJson(server.address(), checks, ok, context.console.out);
   } else {
     PrintTable(checks, context.console.out);
+  }
+  if (!options.bundle.empty()) {
+    const absl::Status written = WriteBundle(options, checks, server, context.console);
+    if (!written.ok()) return context.Fail(written);
   }
   if (!status.ok() && !agent_pc) return ExitCodeOf(status.status());
   return ok ? ExitCode::kOk : ExitCode::kFailed;

@@ -27,10 +27,12 @@ struct Check {
 
 struct DoctorOptions {
   std::string server;  // HOST:PORT; empty: that of --server
+  std::string bundle;  // FILE.tar.gz with the report and what else a maintainer needs; empty: none
+  std::vector<std::string> configs;  // files that go into it; empty: those in /etc/rigcal
 };
 
 // `rigcal doctor`: kServerUnreachable where there is no server, kFailed where a check fails; a
-// warning is no failure.
+// warning is no failure. A bundle that cannot be written is kFailed.
 ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context);
 
 // What the doctor finds out about a connection that fails, or that is to another PC.

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/net/unknown_id.h"
+#include "common/log/correlation_id.h"
 #include "common/wire/grpc_status.h"
 #include "grpc/health/v1/health.pb.h"
 
@@ -49,6 +50,17 @@ std::string CauseOf(const std::string& message) {
                                                                    : message.substr(colon + 2);
 }
 
+// What the call itself was mistaken about needs no log.
+bool IsLogged(absl::StatusCode code) {
+  return code != absl::StatusCode::kNotFound && code != absl::StatusCode::kInvalidArgument &&
+         code != absl::StatusCode::kAlreadyExists;
+}
+
+absl::Status WithCorrelation(const absl::Status& status) {
+  return absl::Status(status.code(),
+                      absl::StrCat(status.message(), " (correlation id ", OwnCorrelationId(), ")"));
+}
+
 constexpr char kAdvice[] =
     "Is rigcal-server running there? Another address is named with --server HOST:PORT or in the "
     "environment variable RIGCAL_SERVER";
@@ -83,6 +95,10 @@ ServerConnection::ServerConnection(const std::string& address, const wire::Clien
       identity_(identity),
       credentials_(wire::CredentialsFor(address, identity)),
       channel_(MakeChannel(address, credentials_.ok() ? *credentials_ : nullptr)) {}
+
+void ServerConnection::AddCorrelation(grpc::ClientContext* context) {
+  context->AddMetadata(kCorrelationKey, OwnCorrelationId());
+}
 
 absl::Status ServerConnection::Explain(const grpc::Status& status,
                                        std::chrono::milliseconds timeout) const {
@@ -126,9 +142,10 @@ absl::Status ServerConnection::Explain(const grpc::Status& status,
   }
   const absl::Status named = wire::FromGrpc(status);
   if (absl::IsNotFound(named) && !named.message().empty()) return ExplainUnknownId(named);
-  if (!named.message().empty()) return named;
-  return absl::Status(named.code(), absl::StrCat("the server at ", address_, " refused: ",
-                                                 absl::StatusCodeToString(named.code())));
+  if (!named.message().empty()) return IsLogged(named.code()) ? WithCorrelation(named) : named;
+  return WithCorrelation(absl::Status(
+      named.code(), absl::StrCat("the server at ", address_,
+                                 " refused: ", absl::StatusCodeToString(named.code()))));
 }
 
 absl::Status ServerConnection::ExplainUnknownId(const absl::Status& status) const {

@@ -46,13 +46,15 @@ class ServerConnection {
   // A unary call with a deadline: `Call(&SessionService::Stub::GetSession, request)`. UNAVAILABLE:
   // the server cannot be reached, or does not answer in time; the message names it and says what to
   // do. A server that does not let this user in: the error of WhyRefused, its reason on the last
-  // line. Else the server's own status.
+  // line. Else the server's own status, with the correlation id under which the server has logged
+  // it.
   template <typename Stub, typename Request, typename Response>
   absl::StatusOr<Response> Call(UnaryMethod<Stub, Request, Response> method,
                                 const std::type_identity_t<Request>& request,
                                 std::chrono::milliseconds timeout = kCallTimeout) {
     if (!credentials_.ok()) return credentials_.status();
     grpc::ClientContext context;
+    AddCorrelation(&context);
     context.set_deadline(std::chrono::system_clock::now() + timeout);
     Response response;
     const grpc::Status status = (Stub(channel_).*method)(&context, request, &response);
@@ -78,6 +80,7 @@ class ServerConnection {
                     const std::function<bool(const std::type_identity_t<Message>&)>& each) {
     if (!credentials_.ok()) return credentials_.status();
     grpc::ClientContext context;
+    AddCorrelation(&context);
     if (timeout.count() > 0) context.set_deadline(std::chrono::system_clock::now() + timeout);
     Stub stub(channel_);
     const auto reader = (stub.*method)(&context, request);
@@ -110,6 +113,7 @@ class ServerConnection {
                         const std::function<bool(const std::type_identity_t<Message>&)>& each) {
     if (!credentials_.ok()) return credentials_.status();
     grpc::ClientContext context;
+    AddCorrelation(&context);
     Stub stub(channel_);
     const auto stream = (stub.*method)(&context);
     std::thread writer([&] {
@@ -137,6 +141,8 @@ class ServerConnection {
   absl::StatusOr<std::string> CheckHealth();
 
  private:
+  // Every call of this run of the program names the run's id, OwnCorrelationId().
+  static void AddCorrelation(grpc::ClientContext* context);
   absl::Status Explain(const grpc::Status& status, std::chrono::milliseconds timeout) const;
   // A session or calibration that does not exist: with what was probably meant, or what there is.
   absl::Status ExplainUnknownId(const absl::Status& status) const;

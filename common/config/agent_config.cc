@@ -60,6 +60,7 @@ void AddOptions(AgentConfig* config, OptionTable* table) {
   AddName("agent_id", &config->agent_id, "of this agent", table);
   table->AddPath("state_dir", &config->state_dir, "of this agent alone");
   AddLogLevel(&config->log_level, table);
+  AddLogFormat(&config->log_format, table);
 }
 
 void AddOptions(SpoolConfig* config, OptionTable* table) {

@@ -50,6 +50,7 @@ struct AgentConfig {
   std::string agent_id;                   // empty: as kept in the state directory
   std::string state_dir;                  // empty: the user's default
   std::string log_level = "info";         // trace, debug, info, warn, error, off
+  std::string log_format = "auto";        // auto, text, json, journal
   SpoolConfig spool;
   PreviewConfig preview;
   std::vector<CameraConfig> cameras;

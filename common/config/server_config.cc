@@ -58,6 +58,7 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   options.AddPath("data_dir", &config.data_dir, "of the store");
   options.AddPath("docs_dir", &config.docs_dir, "of the documentation, for /docs/");
   AddLogLevel(&config.log_level, &options);
+  AddLogFormat(&config.log_format, &options);
   bool loopback = false;
   tls.Add("loopback", &loopback, "TLS for clients on this machine too");
   AddAddress("listen", &config.https.listen, 0, "where browsers and other PCs find it", &https);

@@ -74,6 +74,7 @@ struct ServerConfig {
   std::string data_dir;                   // empty: DefaultDataDirectory()
   std::string docs_dir;                   // of the documentation; empty: where rigcal-doc has it
   std::string log_level = "info";         // trace, debug, info, warn, error, off
+  std::string log_format = "auto";        // auto, text, json, journal
   ServerHttpsConfig https;
   ServerTlsConfig tls;
   ServerDiscoveryConfig discovery;

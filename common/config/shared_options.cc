@@ -17,6 +17,12 @@ void AddLogLevel(std::string* level, OptionTable* table) {
   table->AddChoice("log_level", level, std::move(levels), "what is logged");
 }
 
+void AddLogFormat(std::string* format, OptionTable* table) {
+  std::vector<std::pair<std::string, std::string>> formats;
+  for (const char* name : {"auto", "text", "json", "journal"}) formats.emplace_back(name, name);
+  table->AddChoice("log_format", format, std::move(formats), "how the log is written");
+}
+
 void AddAddress(std::string name, std::string* address, int lowest_port, std::string meaning,
                 OptionTable* table) {
   const auto read = [address, lowest_port](const std::string& text) {

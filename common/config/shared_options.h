@@ -9,6 +9,8 @@ namespace rigcal {
 
 // "log_level"
 void AddLogLevel(std::string* level, OptionTable* table);
+// "log_format"
+void AddLogFormat(std::string* format, OptionTable* table);
 // HOST:PORT with a port of `lowest_port` to 65535; unless that is 0, also unix:/PATH.
 void AddAddress(std::string name, std::string* address, int lowest_port, std::string meaning,
                 OptionTable* table);

@@ -23,8 +23,7 @@ la_ssize_t Append(struct archive*, void* bytes, const void* data, size_t size) {
 
 absl::Status FailureOf(struct archive* zip) {
   const char* const why = archive_error_string(zip);
-  return absl::InternalError(
-      absl::StrCat("cannot make the ZIP archive: ", why ? why : "no memory"));
+  return absl::InternalError(absl::StrCat("cannot make the archive: ", why ? why : "no memory"));
 }
 
 absl::Status AddFile(const ExportFile& file, struct archive* zip) {
@@ -44,22 +43,35 @@ absl::Status AddFile(const ExportFile& file, struct archive* zip) {
   return absl::OkStatus();
 }
 
+// `choose` sets the format.
+template <typename Choose>
+absl::StatusOr<std::string> ArchiveOf(std::span<const ExportFile> files, Choose choose) {
+  std::string bytes;
+  const std::unique_ptr<archive, decltype(&archive_write_free)> result(archive_write_new(),
+                                                                       &archive_write_free);
+  if (result == nullptr || choose(result.get()) != ARCHIVE_OK ||
+      archive_write_set_bytes_in_last_block(result.get(), 1) != ARCHIVE_OK ||
+      archive_write_open(result.get(), &bytes, nullptr, &Append, nullptr) != ARCHIVE_OK) {
+    return FailureOf(result.get());
+  }
+  for (const ExportFile& file : files) {
+    if (absl::Status status = AddFile(file, result.get()); !status.ok()) return status;
+  }
+  if (archive_write_close(result.get()) != ARCHIVE_OK) return FailureOf(result.get());
+  return bytes;
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> ZipOf(std::span<const ExportFile> files) {
-  std::string bytes;
-  const std::unique_ptr<archive, decltype(&archive_write_free)> zip(archive_write_new(),
-                                                                    &archive_write_free);
-  if (zip == nullptr || archive_write_set_format_zip(zip.get()) != ARCHIVE_OK ||
-      archive_write_set_bytes_in_last_block(zip.get(), 1) != ARCHIVE_OK ||
-      archive_write_open(zip.get(), &bytes, nullptr, &Append, nullptr) != ARCHIVE_OK) {
-    return FailureOf(zip.get());
-  }
-  for (const ExportFile& file : files) {
-    if (absl::Status status = AddFile(file, zip.get()); !status.ok()) return status;
-  }
-  if (archive_write_close(zip.get()) != ARCHIVE_OK) return FailureOf(zip.get());
-  return bytes;
+  return ArchiveOf(files, archive_write_set_format_zip);
+}
+
+absl::StatusOr<std::string> TarGzOf(std::span<const ExportFile> files) {
+  return ArchiveOf(files, [](struct archive* tar) {
+    const int filter = archive_write_add_filter_gzip(tar);
+    return filter == ARCHIVE_OK ? archive_write_set_format_ustar(tar) : filter;
+  });
 }
 
 }  // namespace rigcal

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/log/start_log.h"
 #include "common/status/status_macros.h"
 #include "server/jobs/signs_of_life.h"
 #include "server/jobs/worker_process.h"
@@ -136,22 +137,24 @@ EstimateFunction EstimateInProcess() {
 }
 
 EstimateFunction EstimateInWorker(EstimateWorkerOptions options) {
-  return [options = std::move(options)](
-             EstimateTask task,
-             const std::atomic<bool>& cancelled) -> absl::StatusOr<RunningOutcome> {
-    RIGCAL_ASSIGN_OR_RETURN(const MemoryFile input, WriteRows(task));
-    RIGCAL_ASSIGN_OR_RETURN(WorkerProcess process,
-                            WorkerProcess::Start(options.program,
-                                                 {"--estimate", absl::StrCat("--parent=", getpid()),
-                                                  absl::StrCat("--memory=", options.memory_bytes)},
-                                                 input.descriptor()));
-    const auto outcome = ReadOutcome(process, options, cancelled);
-    if (!outcome.ok()) process.Kill();
-    const int ended = process.Wait();
-    RIGCAL_RETURN_IF_ERROR(outcome.status());
-    if (!*outcome) return DescribeEnd(ended);
-    return FromProto(**outcome);
-  };
+  return
+      [options = std::move(options)](
+          EstimateTask task, const std::atomic<bool>& cancelled) -> absl::StatusOr<RunningOutcome> {
+        RIGCAL_ASSIGN_OR_RETURN(const MemoryFile input, WriteRows(task));
+        RIGCAL_ASSIGN_OR_RETURN(
+            WorkerProcess process,
+            WorkerProcess::Start(options.program,
+                                 {"--estimate", absl::StrCat("--parent=", getpid()),
+                                  absl::StrCat("--memory=", options.memory_bytes),
+                                  "--log-format=" + LogFormat(), "--log-level=" + LogLevel()},
+                                 input.descriptor()));
+        const auto outcome = ReadOutcome(process, options, cancelled);
+        if (!outcome.ok()) process.Kill();
+        const int ended = process.Wait();
+        RIGCAL_RETURN_IF_ERROR(outcome.status());
+        if (!*outcome) return DescribeEnd(ended);
+        return FromProto(**outcome);
+      };
 }
 
 }  // namespace rigcal::server

@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/log/start_log.h"
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_wire.h"
 #include "server/jobs/worker_process.h"
@@ -284,7 +285,8 @@ SolveFunction SolveInWorker(WorkerOptions options) {
         std::min(options.max_memory_bytes, SolveMemoryBytes(input->row_count, input->marker_count));
     absl::StatusOr<WorkerProcess> process = WorkerProcess::Start(
         options.program,
-        {absl::StrCat("--parent=", getpid()), absl::StrCat("--memory=", memory_bytes)},
+        {absl::StrCat("--parent=", getpid()), absl::StrCat("--memory=", memory_bytes),
+         "--log-format=" + LogFormat(), "--log-level=" + LogLevel()},
         input->file.descriptor());
     if (!process.ok()) return CalibrationOutcome{process.status(), refused.List()};
     CalibrationOutcome outcome =

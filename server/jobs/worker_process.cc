@@ -10,9 +10,12 @@
 
 #include <cerrno>
 #include <cstring>
+#include <string_view>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/log/correlation_id.h"
+#include "common/log/log_fields.h"
 
 namespace rigcal::server {
 namespace {
@@ -47,6 +50,18 @@ struct SpawnSettings {
   SpawnSettings& operator=(const SpawnSettings&) = delete;
 };
 
+// Of this process, and the id of the request that this thread serves.
+std::vector<std::string> EnvironmentOfWorker() {
+  const std::string name = absl::StrCat(kCorrelationVariable, "=");
+  std::vector<std::string> variables;
+  for (char** each = environ; *each != nullptr; ++each) {
+    if (!std::string_view(*each).starts_with(name)) variables.emplace_back(*each);
+  }
+  const std::string& id = LogFields::Current().correlation;
+  if (!id.empty()) variables.push_back(name + id);
+  return variables;
+}
+
 }  // namespace
 
 absl::StatusOr<WorkerProcess> WorkerProcess::Start(const std::filesystem::path& program,
@@ -62,10 +77,16 @@ absl::StatusOr<WorkerProcess> WorkerProcess::Start(const std::filesystem::path& 
   std::vector<char*> pointers;
   for (std::string& word : words) pointers.push_back(word.data());
   pointers.push_back(nullptr);
+  const std::vector<std::string> variables = EnvironmentOfWorker();
+  std::vector<char*> environment;
+  for (const std::string& variable : variables) {
+    environment.push_back(const_cast<char*>(variable.c_str()));
+  }
+  environment.push_back(nullptr);
   const SpawnSettings settings(in, out[1]);
   pid_t pid = -1;
   const int error = posix_spawn(&pid, program.c_str(), &settings.files, &settings.attributes,
-                                pointers.data(), environ);
+                                pointers.data(), environment.data());
   close(out[1]);
   if (error != 0) {
     close(out[0]);

@@ -17,7 +17,8 @@ namespace rigcal::server {
 // thread at a time.
 class WorkerProcess {
  public:
-  // `in` becomes its standard input; standard error is this process's. FAILED_PRECONDITION: it
+  // `in` becomes its standard input; standard error is this process's.
+  // $RIGCAL_CORRELATION_ID is the id of what the calling thread logs about. FAILED_PRECONDITION: it
   // cannot be started (names the program); RESOURCE_EXHAUSTED: no descriptors left.
   static absl::StatusOr<WorkerProcess> Start(const std::filesystem::path& program,
                                              const std::vector<std::string>& arguments, int in);

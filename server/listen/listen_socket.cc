@@ -23,11 +23,33 @@ namespace {
 
 constexpr int kBacklog = 1024;
 
-absl::Status CannotListen(const std::string& address, const char* why) {
-  return absl::UnavailableError(absl::StrCat(
-      "cannot listen on ", address, ": ", why,
-      "; is another rigcal-server running? Stop it, or choose another port with --listen (port 0 ",
-      "takes any free one)"));
+absl::Status CannotListen(const std::string& address, const std::string& why,
+                          const std::string& advice) {
+  return absl::UnavailableError(
+      absl::StrCat("cannot listen on ", address, ": ", why, "; ", advice));
+}
+
+// After bind or listen has failed with `error`.
+absl::Status CannotBind(const std::string& address, const std::string& port, int error) {
+  const std::string why = std::strerror(error);
+  switch (error) {
+    case EADDRINUSE:
+      return CannotListen(
+          address, why,
+          absl::StrCat("is another rigcal-server running? `ss -ltnp 'sport = :", port,
+                       "'` as root names the program that holds port ", port,
+                       ". Stop it, or choose another port with --listen (port 0 takes any free "
+                       "one)"));
+    case EADDRNOTAVAIL:
+      return CannotListen(address, why,
+                          "this PC has no such address: `ip address` lists those it has, and "
+                          "--listen 0.0.0.0 takes them all");
+    case EACCES:
+      return CannotListen(address, why,
+                          "ports below 1024 are for root: choose another with --listen");
+    default:
+      return CannotListen(address, why, "choose another address or port with --listen");
+  }
 }
 
 // An IPv4 address that came over an IPv6 socket, as IPv4.
@@ -105,12 +127,13 @@ absl::StatusOr<int> ListenOn(const std::string& address) {
   addrinfo* found = nullptr;
   if (const int error = getaddrinfo(parts.host.c_str(), parts.port.c_str(), &hints, &found);
       error != 0) {
-    return CannotListen(address, gai_strerror(error));
+    return CannotListen(address, gai_strerror(error),
+                        "name an address of this PC with --listen, such as 127.0.0.1:7420");
   }
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> owner(found, freeaddrinfo);
   const int descriptor =
       socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_TCP);
-  if (descriptor < 0) return CannotListen(address, std::strerror(errno));
+  if (descriptor < 0) return CannotBind(address, parts.port, errno);
   const int on = 1;
   const int off = 0;
   // A port whose last server has ended a moment ago; not one that another server listens on.
@@ -120,7 +143,7 @@ absl::StatusOr<int> ListenOn(const std::string& address) {
   }
   if (bind(descriptor, found->ai_addr, found->ai_addrlen) != 0 ||
       listen(descriptor, kBacklog) != 0) {
-    const absl::Status status = CannotListen(address, std::strerror(errno));
+    const absl::Status status = CannotBind(address, parts.port, errno);
     close(descriptor);
     return status;
   }

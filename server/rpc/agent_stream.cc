@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/log/log_fields.h"
 #include "common/status/guarded.h"
 #include "common/wire/agent_wire.h"
 #include "common/wire/detector_wire.h"
@@ -45,8 +46,9 @@ void AgentStreamEnvironment::AuditRefusal(const Caller& caller, const std::strin
 }
 
 grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* AgentStream::Open(
-    AgentStreamEnvironment* environment, Caller caller) {
-  std::shared_ptr<AgentStream> stream(new AgentStream(environment, std::move(caller)));
+    AgentStreamEnvironment* environment, Caller caller, std::string correlation) {
+  std::shared_ptr<AgentStream> stream(
+      new AgentStream(environment, std::move(caller), std::move(correlation)));
   AgentStream* reactor = stream.get();
   reactor->self_ = std::move(stream);
   reactor->Begin();
@@ -142,6 +144,7 @@ absl::Status AgentStream::CheckName(AgentHello* hello) const {
 }
 
 void AgentStream::Register(AgentHello hello) {
+  const LogScope scope({.correlation = correlation_});
   const size_t camera_count = hello.agent.cameras.size();
   const std::string host = hello.agent.host;
   AgentRegistry* const registry = environment_.registry;
@@ -336,6 +339,7 @@ void AgentStream::Close(const absl::Status& reason) {
 }
 
 void AgentStream::Refuse(const absl::Status& reason) {
+  const LogScope scope({.correlation = correlation_});
   spdlog::warn("agent '{}' is refused: {}", agent_id_, std::string(reason.message()));
   environment_.AuditRefusal(caller_, agent_id_, reason);
   Close(reason);
@@ -378,6 +382,7 @@ void AgentStream::EndWith(const absl::Status& status) {
 void AgentStream::OnCancel() { Close(absl::CancelledError("the agent's connection is gone")); }
 
 void AgentStream::OnDone() {
+  const LogScope scope({.correlation = correlation_});
   AgentDirectory::Registration registration = 0;
   {
     std::lock_guard lock(mutex_);

@@ -71,7 +71,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
  public:
   // Begins to read.
   static grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* Open(
-      AgentStreamEnvironment* environment, Caller caller);
+      AgentStreamEnvironment* environment, Caller caller, std::string correlation);
 
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
@@ -83,8 +83,10 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   void Close(const absl::Status& reason);
 
  private:
-  AgentStream(AgentStreamEnvironment* environment, Caller caller)
-      : environment_(*environment), caller_(std::move(caller)) {}
+  AgentStream(AgentStreamEnvironment* environment, Caller caller, std::string correlation)
+      : environment_(*environment),
+        caller_(std::move(caller)),
+        correlation_(std::move(correlation)) {}
 
   void Begin();
   void TakeHello();
@@ -108,6 +110,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
 
   AgentStreamEnvironment& environment_;
   const Caller caller_;
+  const std::string correlation_;      // of every line about this stream
   bool counted_ = false;               // among the open streams
   uint64_t ticket_ = 0;                // among the streams without hello
   std::shared_ptr<AgentStream> self_;  // until OnDone

@@ -16,6 +16,7 @@
 #include "rigcal/v1/calibration_service.grpc.pb.h"
 #include "server/rpc/answer_limits.h"
 #include "server/rpc/call_guard.h"
+#include "server/rpc/correlated_call.h"
 #include "server/rpc/list_arguments.h"
 #include "server/rpc/services.h"
 #include "server/solve/evaluate/rig_difference.h"
@@ -196,7 +197,7 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
   grpc::Status CreateCalibration(grpc::ServerContext* context,
                                  const v1::CreateCalibrationRequest* request,
                                  v1::CreateCalibrationResponse* response) override {
-    return GuardedCall("CreateCalibration", [&]() -> absl::Status {
+    return CorrelatedCall("CreateCalibration", context, {}, [&]() -> absl::Status {
       RIGCAL_ASSIGN_OR_RETURN(CalibrationOptions options, wire::FromProto(request->options()));
       return Describe(
           runner_.CreateCalibration(
@@ -278,17 +279,19 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
     });
   }
 
-  grpc::Status CancelCalibration(grpc::ServerContext*, const v1::CancelCalibrationRequest* request,
+  grpc::Status CancelCalibration(grpc::ServerContext* context,
+                                 const v1::CancelCalibrationRequest* request,
                                  v1::CancelCalibrationResponse* response) override {
-    return GuardedCall("CancelCalibration", [&] {
+    return CorrelatedCall("CancelCalibration", context, {.calibration = request->id()}, [&] {
       return Describe(runner_.CancelCalibration(request->id()), response->mutable_calibration());
     });
   }
 
-  grpc::Status DeleteCalibration(grpc::ServerContext*, const v1::DeleteCalibrationRequest* request,
+  grpc::Status DeleteCalibration(grpc::ServerContext* context,
+                                 const v1::DeleteCalibrationRequest* request,
                                  v1::DeleteCalibrationResponse*) override {
-    return GuardedCall("DeleteCalibration",
-                       [&] { return runner_.DeleteCalibration(request->id()); });
+    return CorrelatedCall("DeleteCalibration", context, {.calibration = request->id()},
+                          [&] { return runner_.DeleteCalibration(request->id()); });
   }
 
   grpc::ServerWriteReactor<v1::WatchCalibrationResponse>* WatchCalibration(

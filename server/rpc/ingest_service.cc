@@ -9,6 +9,7 @@
 #include "common/wire/grpc_status.h"
 #include "common/wire/observation_wire.h"
 #include "common/wire/request_traits.h"
+#include "server/rpc/correlated_call.h"
 #include "server/rpc/deliveries.h"
 
 namespace rigcal::server {
@@ -28,7 +29,8 @@ IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coo
 
 grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* IngestService::Connect(
     grpc::CallbackServerContext* context) {
-  return AgentStream::Open(&environment_, environment_.security->CallerOf(*context));
+  return AgentStream::Open(&environment_, environment_.security->CallerOf(*context),
+                           CorrelationOf(*context));
 }
 
 absl::Status IngestService::CheckCaller(const Caller& caller, const v1::UploadBatchRequest& request,

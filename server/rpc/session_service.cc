@@ -13,6 +13,7 @@
 #include "rigcal/v1/session_service.grpc.pb.h"
 #include "server/rpc/answer_limits.h"
 #include "server/rpc/call_guard.h"
+#include "server/rpc/correlated_call.h"
 #include "server/rpc/list_arguments.h"
 #include "server/rpc/services.h"
 #include "server/session/prune.h"
@@ -54,29 +55,32 @@ class SessionService final
         watches_(*watches),
         readers_(*readers) {}
 
-  grpc::Status CreateSession(grpc::ServerContext*, const v1::CreateSessionRequest* request,
+  grpc::Status CreateSession(grpc::ServerContext* context, const v1::CreateSessionRequest* request,
                              v1::CreateSessionResponse* response) override {
-    return GuardedCall("CreateSession", [&]() -> absl::Status {
-      RIGCAL_ASSIGN_OR_RETURN(Session session, wire::FromProto(*request));
-      return Describe(coordinator_.CreateSession(std::move(session)), response->mutable_session());
-    });
+    return CorrelatedCall("CreateSession", context, {.session = request->id()},
+                          [&]() -> absl::Status {
+                            RIGCAL_ASSIGN_OR_RETURN(Session session, wire::FromProto(*request));
+                            return Describe(coordinator_.CreateSession(std::move(session)),
+                                            response->mutable_session());
+                          });
   }
 
-  grpc::Status StartSession(grpc::ServerContext*, const v1::StartSessionRequest* request,
+  grpc::Status StartSession(grpc::ServerContext* context, const v1::StartSessionRequest* request,
                             v1::StartSessionResponse* response) override {
-    return GuardedCall("StartSession", [&] {
+    return CorrelatedCall("StartSession", context, {.session = request->id()}, [&] {
       return Describe(coordinator_.StartSession(request->id()), response->mutable_session());
     });
   }
 
-  grpc::Status StopSession(grpc::ServerContext*, const v1::StopSessionRequest* request,
+  grpc::Status StopSession(grpc::ServerContext* context, const v1::StopSessionRequest* request,
                            v1::StopSessionResponse* response) override {
-    return GuardedCall("StopSession", [&]() -> absl::Status {
-      RIGCAL_RETURN_IF_ERROR(wire::CheckDuration(request->drain_timeout(), "drain_timeout"));
-      return Describe(
-          coordinator_.StopSession(request->id(), wire::SecondsOf(request->drain_timeout())),
-          response->mutable_session());
-    });
+    return CorrelatedCall(
+        "StopSession", context, {.session = request->id()}, [&]() -> absl::Status {
+          RIGCAL_RETURN_IF_ERROR(wire::CheckDuration(request->drain_timeout(), "drain_timeout"));
+          return Describe(
+              coordinator_.StopSession(request->id(), wire::SecondsOf(request->drain_timeout())),
+              response->mutable_session());
+        });
   }
 
   grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
@@ -113,14 +117,15 @@ class SessionService final
     });
   }
 
-  grpc::Status DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
+  grpc::Status DeleteSession(grpc::ServerContext* context, const v1::DeleteSessionRequest* request,
                              v1::DeleteSessionResponse*) override {
-    return GuardedCall("DeleteSession", [&] { return coordinator_.DeleteSession(request->id()); });
+    return CorrelatedCall("DeleteSession", context, {.session = request->id()},
+                          [&] { return coordinator_.DeleteSession(request->id()); });
   }
 
-  grpc::Status PruneSessions(grpc::ServerContext*, const v1::PruneSessionsRequest* request,
+  grpc::Status PruneSessions(grpc::ServerContext* context, const v1::PruneSessionsRequest* request,
                              v1::PruneSessionsResponse* response) override {
-    return GuardedCall("PruneSessions", [&]() -> absl::Status {
+    return CorrelatedCall("PruneSessions", context, {}, [&]() -> absl::Status {
       RIGCAL_RETURN_IF_ERROR(wire::CheckDuration(request->older_than(), "older_than"));
       PruneOptions options;
       options.rig = request->rig();
@@ -145,9 +150,10 @@ class SessionService final
     });
   }
 
-  grpc::Status DiscardSession(grpc::ServerContext*, const v1::DiscardSessionRequest* request,
+  grpc::Status DiscardSession(grpc::ServerContext* context,
+                              const v1::DiscardSessionRequest* request,
                               v1::DiscardSessionResponse* response) override {
-    return GuardedCall("DiscardSession", [&] {
+    return CorrelatedCall("DiscardSession", context, {.session = request->id()}, [&] {
       return Describe(coordinator_.DiscardSession(request->id(), request->undo()),
                       response->mutable_session());
     });

@@ -9,6 +9,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/log/correlation_id.h"
+#include "common/log/log_fields.h"
 #include "common/status/status_macros.h"
 #include "server/session/calibration_input.h"
 #include "server/session/calibration_request.h"
@@ -76,7 +78,9 @@ absl::Status CalibrationRunner::QueueUnfinished() {
       if (HasEnded(calibration)) continue;
       // A session that is gone ends the calibration with its name when its turn comes.
       auto hold = coordinator_->HoldSessions(calibration.session_ids);
-      queue_.push_front({calibration.id, hold.ok() ? *std::move(hold) : nullptr});
+      const LogScope scope({.calibration = calibration.id, .correlation = NewCorrelationId()});
+      queue_.push_front({calibration.id, hold.ok() ? *std::move(hold) : nullptr,
+                         LogFields::Current().correlation});
       tasks_.Post([this] { RunNext(); });
       spdlog::info("calibration {}: queued again after a restart", calibration.id);
     }
@@ -121,8 +125,10 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   RIGCAL_ASSIGN_OR_RETURN(calibration, store_->CreateCalibration(std::move(calibration)));
   {
     std::lock_guard lock(mutex_);
-    queue_.push_back({calibration.id, std::move(hold)});
+    queue_.push_back({calibration.id, std::move(hold), LogFields::Current().correlation});
   }
+  const LogScope scope({.calibration = calibration.id});
+  spdlog::info("calibration {}: queued", calibration.id);
   tasks_.Post([this] { RunNext(); });
   return calibration;
 }
@@ -210,6 +216,7 @@ void CalibrationRunner::RunNext() {
 }
 
 void CalibrationRunner::RunJob(const Job& job) {
+  const LogScope scope({.calibration = job.id, .correlation = job.correlation});
   absl::StatusOr<Calibration> calibration = store_->GetCalibration(job.id);
   if (!calibration.ok()) {
     spdlog::error("calibration {}: cannot be read, tried again at the next start: {}", job.id,

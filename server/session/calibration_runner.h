@@ -81,6 +81,7 @@ class CalibrationRunner {
   struct Job {
     std::string id;
     SessionHold hold;
+    std::string correlation;  // of the request; see common/log/correlation_id.h
   };
 
   CalibrationRunner(CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,

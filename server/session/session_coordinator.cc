@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/log/log_fields.h"
 #include "common/status/status_macros.h"
 #include "server/session/session_rules.h"
 #include "server/session/stream_opening.h"
@@ -102,6 +103,8 @@ absl::StatusOr<Session> SessionCoordinator::CreateSession(Session session) {
   RIGCAL_ASSIGN_OR_RETURN(session, store_->CreateSession(std::move(session)));
   contexts_.Put(session);
   ++change_count_;
+  const LogScope scope({.session = session.id});
+  spdlog::info("session {}: created", session.id);
   return session;
 }
 

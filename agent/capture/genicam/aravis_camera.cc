@@ -11,6 +11,7 @@
 #include "agent/capture/device_clock.h"
 #include "agent/capture/genicam/aravis_discovery.h"
 #include "agent/capture/genicam/aravis_settings.h"
+#include "agent/capture/genicam/usb_access.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -72,14 +73,17 @@ absl::StatusOr<GObjectPtr<ArvDevice>> OpenDevice(const AravisSourceOptions& opti
         present, [&](const FoundCamera& camera) { return camera.IsNamed(options.device); });
     if (found == present.end()) {
       return absl::NotFoundError(absl::StrCat("no camera ", options.device,
-                                              "; cameras that answer: ", DescribeCameras(present)));
+                                              "; cameras that answer: ", DescribeCameras(present),
+                                              UnusableUsbCameras()));
     }
     *id = found->id;
     if (found->protocol == "GigEVision") return OpenByAddress(options, found->address);
   }
   GErrorSlot error;
   GObjectPtr<ArvDevice> device(arv_open_device(id->c_str(), error.out()));
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot open " + *id));
+  if (const absl::Status status = error.ToStatus("cannot open " + *id); !status.ok()) {
+    return absl::Status(status.code(), absl::StrCat(status.message(), UnusableUsbCameras()));
+  }
   if (!device) return NotThere("cannot open " + *id, options, list_others);
   return device;
 }

@@ -4,7 +4,25 @@
 #   deploy/install-deps.sh            packages for building, testing and running
 #   deploy/install-deps.sh --list     only prints the missing packages
 #   deploy/install-deps.sh --packages also what makes Debian packages of rigcal (deploy/package.sh)
+#   deploy/install-deps.sh --agent    only what rigcal-agent needs on a PC with cameras, for programs
+#                                     that were built on another PC with the same release of Debian
+# --agent and --list go together.
 set -euo pipefail
+
+list=
+for_agent=
+for_packages=
+for argument in "$@"; do
+  case $argument in
+    --list) list=1 ;;
+    --agent) for_agent=1 ;;
+    --packages) for_packages=1 ;;
+    *)
+      echo "install-deps: unknown argument $argument; there are --list, --agent, --packages" >&2
+      exit 2
+      ;;
+  esac
+done
 
 packages=(
   # compiler and build
@@ -39,7 +57,23 @@ packages=(
 command -v node >/dev/null && command -v npm >/dev/null || packages+=(nodejs npm)
 command -v chromium >/dev/null || packages+=(chromium)
 
-[ "${1:-}" != --packages ] || packages+=(debhelper dpkg-dev pandoc)
+[ -z "$for_packages" ] || packages+=(debhelper dpkg-dev pandoc)
+
+# Libraries that the built agent is linked with; their own libraries come with them. A library's
+# package has its version in its name, so they are those of Debian 12.
+agent_packages=(
+  # network
+  libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libssl3
+  libavahi-client3 libavahi-common3 libsystemd0
+  # cameras and detection
+  libaravis-0.8-0 libglib2.0-0 libhdf5-103-1
+  libopencv-calib3d406 libopencv-contrib406 libopencv-core406 libopencv-features2d406
+  libopencv-imgcodecs406 libopencv-imgproc406 libopencv-video406 libopencv-videoio406
+  # configuration, files, logging
+  libtomlplusplus3 libyaml-cpp0.7 libxml2 zlib1g libspdlog1.10 libfmt9
+  libstdc++6 libgcc-s1 libc6
+)
+[ -z "$for_agent" ] || packages=("${agent_packages[@]}")
 
 missing=()
 for package in "${packages[@]}"; do
@@ -47,7 +81,7 @@ for package in "${packages[@]}"; do
   [ "$status" = installed ] || missing+=("$package")
 done
 
-if [ "${1:-}" = --list ]; then
+if [ -n "$list" ]; then
   [ ${#missing[@]} -eq 0 ] || printf '%s\n' "${missing[@]}"
   exit 0
 fi

@@ -1,10 +1,28 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs the packages of Debian 12 or 13 that rigcal needs (names are equal, also on Ubuntu 24.04). Does nothing if all of them are installed.
+# Installs the packages of Debian 12 or 13 that rigcal needs. Does nothing if all of them are installed.
 #   deploy/install-deps.sh            packages for building, testing and running
 #   deploy/install-deps.sh --list     only prints the missing packages
 #   deploy/install-deps.sh --packages also what makes Debian packages of rigcal (deploy/package.sh)
+#   deploy/install-deps.sh --agent    only what rigcal-agent needs on a PC with cameras, for programs
+#                                     that were built on another PC with the same release of Debian
+# --agent and --list go together.
 set -euo pipefail
+
+list=
+for_agent=
+for_packages=
+for argument in "$@"; do
+  case $argument in
+    --list) list=1 ;;
+    --agent) for_agent=1 ;;
+    --packages) for_packages=1 ;;
+    *)
+      echo "install-deps: unknown argument $argument; there are --list, --agent, --packages" >&2
+      exit 2
+      ;;
+  esac
+done
 
 packages=(
   # compiler and build
@@ -41,7 +59,27 @@ packages=(
 command -v node >/dev/null && command -v npm >/dev/null || packages+=(nodejs npm)
 command -v chromium >/dev/null || packages+=(chromium)
 
-[ "${1:-}" != --packages ] || packages+=(debhelper dh-python dpkg-dev)
+[ -z "$for_packages" ] || packages+=(debhelper dh-python dpkg-dev)
+
+# Libraries that the built agent is linked with; their own libraries come with them. A library's package has its
+# version in its name, so each Debian has its own.
+if [ -n "$for_agent" ]; then
+  debian=$(. /etc/os-release && echo "${ID:-}-${VERSION_ID:-}")
+  case $debian in
+    debian-12) opencv=406 packages=(
+      libgrpc++1.51 libgrpc29 libprotobuf32 libabsl20220623 libssl3
+      libglib2.0-0 libhdf5-103-1 libtomlplusplus3 libyaml-cpp0.7 libspdlog1.10 libfmt9) ;;
+    debian-13) opencv=410 packages=(
+      libgrpc++1.51t64 libgrpc29t64 libprotobuf32t64 libabsl20240722 libssl3t64
+      libglib2.0-0t64 libhdf5-310 libtomlplusplus3t64 libyaml-cpp0.8 libspdlog1.15 libfmt10 libopencv-objdetect410) ;;
+    *)
+      echo "install-deps: --agent knows the libraries of Debian 12 and 13, not of $debian; install rigcal-agent's package" >&2
+      exit 1
+      ;;
+  esac
+  for part in calib3d contrib core features2d imgcodecs imgproc video videoio; do packages+=("libopencv-$part$opencv"); done
+  packages+=(libaravis-0.8-0 libavahi-client3 libavahi-common3 libsystemd0 libxml2 zlib1g libstdc++6 libgcc-s1 libc6)
+fi
 
 missing=()
 for package in "${packages[@]}"; do
@@ -49,7 +87,7 @@ for package in "${packages[@]}"; do
   [ "$status" = installed ] || missing+=("$package")
 done
 
-if [ "${1:-}" = --list ]; then
+if [ -n "$list" ]; then
   [ ${#missing[@]} -eq 0 ] || printf '%s\n' "${missing[@]}"
   exit 0
 fi

@@ -81,15 +81,17 @@ absl::StatusOr<std::string> PointsText(const TriangulateCommandOptions& options,
                                        const Triangulation& triangulation,
                                        const std::vector<std::string>& labels) {
   const std::string ending = EndingOf(options);
+  // Its id or the name of its file: a path would name folders of this PC, and differ on another.
+  const std::string calibration = std::filesystem::path(options.calibration).filename().string();
   if (ending == ".parquet") {
-    return TriangulationParquet(triangulation, labels, options.calibration);
+    return TriangulationParquet(triangulation, labels, calibration);
   }
   if (ending != ".trc" && ending != ".c3d") return TriangulationCsv(triangulation, labels);
   RIGCAL_ASSIGN_OR_RETURN(const PointFrames frames, FramesOf(triangulation, labels));
   if (ending == ".trc") {
     return TrcFile(frames, std::filesystem::path(options.output).filename().string());
   }
-  return C3dFile(frames, options.calibration);
+  return C3dFile(frames, calibration);
 }
 
 absl::StatusOr<TriangulationSummary> TriangulateFolder(const TriangulateCommandOptions& options,

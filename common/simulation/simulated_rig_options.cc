@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "common/options/nearest_name.h"
 #include "common/options/option_table.h"
 #include "common/status/status_macros.h"
 
@@ -23,6 +24,23 @@ absl::Status RefuseEventOptions(const std::vector<OptionText>& given) {
     if (option.key == "seed" || !of_events.Has(option.key)) continue;
     faults.Add("\"", option.key, "=", option.value, "\" is for event cameras, and there are none; ",
                kExample);
+  }
+  return faults.Result();
+}
+
+// Options of rendered cameras, where none is rendered.
+absl::Status RefusePixelOptions(const std::vector<OptionText>& given) {
+  FrameRenderOptions unused;
+  SimulatedRigOptions without;
+  OptionTable of_pixels;
+  OptionTable of_world;
+  AddOptions(&unused, &of_pixels);
+  AddOptions(&without.world, &of_world);
+  FaultList faults;
+  for (const OptionText& option : given) {
+    if (of_world.Has(option.key) || !of_pixels.Has(option.key)) continue;
+    faults.Add(Shown(option.key), "=", Shown(option.value),
+               " needs pixels=1: without it no camera renders frames or events; ", kExample);
   }
   return faults.Result();
 }
@@ -48,7 +66,11 @@ absl::StatusOr<SimulatedRigOptions> ParseSimulatedRigOptions(std::string_view te
   }
   RIGCAL_RETURN_IF_ERROR(faults.Result());
   AddOptions(&options.world, &table);
-  if (pixels) AddOptions(&options.frames.emplace(), &table);
+  if (pixels) {
+    AddOptions(&options.frames.emplace(), &table);
+  } else {
+    RIGCAL_RETURN_IF_ERROR(RefusePixelOptions(rest));
+  }
   if (options.event_cameras == 0) {
     RIGCAL_RETURN_IF_ERROR(RefuseEventOptions(rest));
   } else {

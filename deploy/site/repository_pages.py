@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lays the pages of the repository out for the site. Their links stay those that work in the repository.
 
-docs/x.md becomes x.md; README.md and ARCHITECTURE.md stay. A link to another file of the repository
+docs/x.md becomes x.md; README.md and ARCHITECTURE.md stay; docs/README.md, their index, is guides.md. A link to another file of the repository
 leads to a page that shows it, files/PATH; one to the protos leads to the reference of the API.
 """
 import os
@@ -37,6 +37,8 @@ class RepositoryPages:
         """Where a file or folder of the repository is in the site's source."""
         if path in _REFERENCES:
             return _REFERENCES[path]
+        if path == "docs/README.md":  # the first page is README.md
+            return "guides.md"
         if path.endswith(".md"):
             return path.removeprefix("docs/")
         if path.endswith(_PICTURES):

@@ -65,6 +65,11 @@ TEST(SimulatedRigOptions, RefusesWhatDoesNotFit) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("event_clock")));
   EXPECT_THAT(ParseSimulatedRigOptions("cameras=4;lux=300"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("lux")));
+  EXPECT_THAT(
+      ParseSimulatedRigOptions("cameras=4;light_code=3"),
+      StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("light_code=3 needs pixels=1")));
+  EXPECT_THAT(ParseSimulatedRigOptions("cameras=4;light_kode=3"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("unknown option")));
   EXPECT_THAT(ParseSimulatedRigOptions("cameras=4;events=2"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("needs pixels=1")));
   EXPECT_THAT(ParseSimulatedRigOptions("cameras=4;pixels=1;events=5"),

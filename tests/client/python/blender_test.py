@@ -97,10 +97,10 @@ class Points(unittest.TestCase):
             "        seen[scene.camera['rigcal_name']] = [\n"
             "            tuple(world_to_camera_view(scene, scene.camera, vertex.co))\n"
             "            for vertex in cloud.data.vertices]\n"
-            "json.dump(seen, open('seen.json', 'w'))\n")
+            f"json.dump(seen, open({str(self.folder / 'seen.json')!r}, 'w'))\n")
         done = subprocess.run(
             ["blender", "--background", "--factory-startup", "--python", self.folder / "out/rig.py",
-             "--python", SCRIPT, "--python", "judge.py", "--", self.csv],
+             "--python", SCRIPT, "--python", self.folder / "judge.py", "--", self.csv],
             capture_output=True, text=True, check=False, cwd=self.folder)
         self.assertTrue((self.folder / "seen.json").exists(), done.stdout + done.stderr)
         seen = json.loads((self.folder / "seen.json").read_text())

@@ -274,7 +274,8 @@ def _camera_of_yaml(file: Path) -> Camera:
             f"{file} has no {error.args[0]}: it is not of rigcal calibration export --format opencv"
         ) from None
     except (RigcalError, ValueError, TypeError) as error:
-        raise RigcalError(f"{file}: camera {values.get('camera_name', file.stem)}: {error}") from None
+        name = values.get("camera_name", file.stem)
+        raise RigcalError(f"{file}: camera {name}: {error}") from None
 
 
 def _check_pose(extrinsics: np.ndarray) -> None:

@@ -15,7 +15,7 @@ def part_of(message: Any, key: str, where: str = "") -> dict[str, Any]:
     """
     part = message.get(key)
     if not isinstance(part, dict):
-        raise RigcalError(f"{where}{key} is missing" if part is None else f"{where}{key} is no object")
+        raise RigcalError(f"{where}{key} is {'missing' if part is None else 'no object'}")
     return part
 
 

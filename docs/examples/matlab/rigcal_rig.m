@@ -6,7 +6,8 @@ function rig = rigcal_rig(file)
 %     model                'MODEL_BROWN_CONRADY', 'MODEL_RATIONAL' or 'MODEL_FISHEYE'
 %     focal, centre        1 x 2, pixels; the centre of the first pixel is (0, 0)
 %     k                    coefficients in OpenCV's order, a row
-%     R, t                 3 x 3 and 3 x 1, metres: x_cam = R * x_rig + t; x right, y down, z forward
+%     R, t                 3 x 3 and 3 x 1, metres: x_cam = R * x_rig + t (x right, y down,
+%                          z forward)
 %   Errors name the file and the camera.
   handle = fopen(file, 'r');
   if handle < 0
@@ -16,7 +17,8 @@ function rig = rigcal_rig(file)
   fclose(handle);
   content = jsondecode(text);
   if ~isfield(content, 'cameras') || isempty(content.cameras)
-    error('rigcal:file', '%s has no cameras: rigcal calibration export ID --format json writes it', file);
+    error('rigcal:file', ['%s has no cameras: ' ...
+          'rigcal calibration export ID --format json writes it'], file);
   end
   cameras = content.cameras;
   counts = struct('MODEL_BROWN_CONRADY', 5, 'MODEL_RATIONAL', 8, 'MODEL_FISHEYE', 4);
@@ -48,7 +50,8 @@ function rig = rigcal_rig(file)
     q = [value(pose.rotation, 'w'), value(pose.rotation, 'x'), ...
          value(pose.rotation, 'y'), value(pose.rotation, 'z')];
     if ~(abs(norm(q) - 1) < 1e-6)
-      error('rigcal:pose', '%s: camera %s: its rotation is not a unit quaternion', file, camera.camera);
+      error('rigcal:pose', '%s: camera %s: its rotation is not a unit quaternion', file, ...
+            camera.camera);
     end
     % Of a unit quaternion: R = I + 2 w [v]x + 2 [v]x^2.
     v = [0 -q(4) q(3); q(4) 0 -q(2); -q(3) q(2) 0];

@@ -142,7 +142,11 @@ void UndoCreation(ServerConnection& server, const std::string& id, CommandContex
   absl::Status undone = now.status();
   if (now.ok() && now->state() == v1::Session::STATE_CREATED) {
     undone = server.CallWithId(&SessionStub::DeleteSession, id).status();
-    if (undone.ok()) return;
+    if (undone.ok()) {
+      context.console.Message(
+          absl::StrCat("session ", id, " could not be started, and is not kept"));
+      return;
+    }
   }
   const std::string why = undone.ok() ? "" : absl::StrCat(" (", std::string(undone.message()), ")");
   context.console.Message(absl::StrCat("session ", id,

@@ -87,7 +87,6 @@ class FakeServer::Sessions : public v1::SessionService::Service {
   grpc::Status DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
                              v1::DeleteSessionResponse*) override {
     const std::lock_guard lock(fake_.mutex);
-    if (auto failure = fake_.FailureOf("DeleteSession"); !failure.ok()) return failure;
     if (fake_.sessions.erase(request->id()) == 0) return NotFound("session", request->id());
     return grpc::Status::OK;
   }

@@ -135,21 +135,6 @@ ExitCode ShowStopped(ServerConnection& server, const v1::Session& session,
   return ExitCode::kOk;
 }
 
-// The session could not be started: its id is free again for the next attempt.
-void UndoCreation(ServerConnection& server, const std::string& id, CommandContext& context) {
-  // It may have been started after all, where the answer was lost.
-  const absl::StatusOr<v1::Session> now = FetchSession(server, id);
-  absl::Status undone = now.status();
-  if (now.ok() && now->state() == v1::Session::STATE_CREATED) {
-    undone = server.CallWithId(&SessionStub::DeleteSession, id).status();
-    if (undone.ok()) return;
-  }
-  const std::string why = undone.ok() ? "" : absl::StrCat(" (", std::string(undone.message()), ")");
-  context.console.Message(absl::StrCat("session ", id,
-                                       " was created and could not be started, nor deleted", why,
-                                       "; start it later with: rigcal session start ", id));
-}
-
 ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest& request,
                         bool start, CommandContext& context) {
   absl::StatusOr<v1::Session> session =
@@ -158,7 +143,8 @@ ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest
     const std::string id = session->id();
     session = CallStart(server, id);
     if (!session.ok()) {
-      UndoCreation(server, id, context);
+      context.console.Message(
+          absl::StrCat("session ", id, " was created but could not be started"));
     }
   }
   return ShowStarted(session, context);

@@ -119,7 +119,8 @@ class StatedErrors(unittest.TestCase):
         made = calibration.triangulate(views, sigma_px=0.3)
         good = np.isfinite(made.position_m).all(1)
         error = (made.position_m - points)[good]
-        squares = np.einsum("ni,ni->n", error, np.linalg.solve(made.noise_m2[good], error))
+        solved = np.linalg.solve(made.noise_m2[good], error[..., None])[..., 0]
+        squares = np.einsum("ni,ni->n", error, solved)
         # Chi-squared of 3 degrees of freedom each; their mean of 120 has one sigma of 0.22.
         self.assertAlmostEqual(squares.mean(), 3, delta=0.9)
         np.testing.assert_allclose(made.sigma_m[good] ** 2,

@@ -84,8 +84,12 @@ if [ -n "$tests" ]; then
   grep 'tests passed' "$work/tests-$suite.log"
 fi
 if [ -n "$build" ]; then
-  say "building packages on $suite ..."
-  in_builder bash -c 'cd /src && deploy/package.sh'
+  say "building packages on $suite; the log is $work/package-$suite.log"
+  in_builder bash -c 'cd /src && deploy/package.sh' >"$work/package-$suite.log" 2>&1 || {
+    tail -n 40 "$work/package-$suite.log" >&2
+    fail "the packages cannot be built on $suite"
+  }
+  tail -n 8 "$work/package-$suite.log" >&2
   mkdir -p "$packages"
   rm -f "$packages"/*rigcal*.deb
   cp "$builder"/src/build/packages/*.deb "$packages"

@@ -143,8 +143,9 @@ ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest
     const std::string id = session->id();
     session = CallStart(server, id);
     if (!session.ok()) {
-      context.console.Message(
-          absl::StrCat("session ", id, " was created but could not be started"));
+      context.console.Message(absl::StrCat(
+          "session ", id, " was created but could not be started, for the reason below; then run: ",
+          "rigcal session start ", id));
     }
   }
   return ShowStarted(session, context);

@@ -25,6 +25,7 @@ CLI::Option* AddOutputOption(CLI::App& command, std::string* path, bool* force,
 void Subcommands::AddTo(CLI::App& app) {
   app.require_subcommand(0, 1);
   AddJoinCommand(app, this);
+  AddCamerasCommand(app, this);
   AddSourcesCommand(app, this);
   AddIntrinsicsCommand(app, this);
   AddDetectCommand(app, this);

@@ -57,6 +57,7 @@ CLI::Option* AddFormatOption(CLI::App& command, std::string* format, const std::
 CLI::Option* AddOutputOption(CLI::App& command, std::string* path, bool* force,
                              const std::string& what);
 
+void AddCamerasCommand(CLI::App& app, Subcommands* all);
 void AddConvertCommand(CLI::App& app, Subcommands* all);
 void AddDetectCommand(CLI::App& app, Subcommands* all);
 void AddInfoCommand(CLI::App& app, Subcommands* all);

@@ -143,8 +143,8 @@ ExportFile VersionsOfThisPc() {
 ExportFile DisksOfThisPc() { return {"disks.txt", OutputOf("df -h; df -i")}; }
 
 ExportFile LastLogLines() {
-  return {"log.txt", OutputOf("journalctl --unit rigcal-server --unit rigcal-agent --lines 1000 "
-                              "--no-pager --output short-iso-precise")};
+  return {"log.txt", OutputOf("SYSTEMD_PAGER= journalctl -u rigcal-server -u rigcal-agent -n 1000 "
+                              "-o short-iso-precise")};
 }
 
 std::vector<ExportFile> Configurations(const std::vector<std::string>& files) {

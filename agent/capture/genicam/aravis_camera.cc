@@ -11,7 +11,7 @@
 #include "agent/capture/device_clock.h"
 #include "agent/capture/genicam/aravis_discovery.h"
 #include "agent/capture/genicam/aravis_settings.h"
-#include "agent/capture/genicam/usb_access.h"
+#include "agent/capture/genicam/usb_cameras.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {

@@ -206,10 +206,13 @@ absl::StatusOr<std::vector<FoundCamera>> FindCameras(const std::string& network_
                      .model = OrEmpty(arv_get_device_model(i)),
                      .serial = OrEmpty(arv_get_device_serial_nbr(i)),
                      .address = OrEmpty(arv_get_device_address(i)),
-                     .protocol = OrEmpty(arv_get_device_protocol(i))});
+                     .protocol = OrEmpty(arv_get_device_protocol(i)),
+                     .vendor = OrEmpty(arv_get_device_vendor(i))});
   }
   return found;
 }
+
+void FindFakeCameraToo() { arv_enable_interface("Fake"); }
 
 absl::StatusOr<std::optional<FoundCamera>> AskCamera(const std::string& address,
                                                      const std::string& network_interface,
@@ -240,7 +243,8 @@ absl::StatusOr<FoundCamera> ParseDiscoveryAnswer(std::string_view packet) {
   FoundCamera camera;
   camera.model = TextAt(packet, kModelOffset, 32);
   camera.serial = TextAt(packet, kSerialOffset, 16);
-  camera.id = absl::StrCat(TextAt(packet, kVendorOffset, 32), "-", camera.serial);
+  camera.vendor = TextAt(packet, kVendorOffset, 32);
+  camera.id = absl::StrCat(camera.vendor, "-", camera.serial);
   camera.address = ToText(address);
   camera.protocol = "GigEVision";
   return camera;

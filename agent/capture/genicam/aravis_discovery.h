@@ -18,6 +18,7 @@ struct FoundCamera {
   std::string serial;
   std::string address;   // IP address or USB position; empty: not known
   std::string protocol;  // "GigEVision", "USB3Vision"
+  std::string vendor = {};
 
   // True if `device` is its id, serial number or address.
   bool IsNamed(std::string_view device) const;
@@ -37,6 +38,9 @@ absl::StatusOr<std::string> LocalAddressFor(std::string_view address,
 // Every camera that Aravis finds. GigE Vision: by broadcast on every interface. With
 // `network_interface` only on that one, without USB. Takes up to a second.
 absl::StatusOr<std::vector<FoundCamera>> FindCameras(const std::string& network_interface);
+
+// FindCameras lists Aravis' own fake camera, too, which needs no network; for the whole program.
+void FindFakeCameraToo();
 
 // Sends a discovery packet to one address. None: no answer within `limit`.
 absl::StatusOr<std::optional<FoundCamera>> AskCamera(const std::string& address,

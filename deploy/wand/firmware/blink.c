@@ -11,6 +11,7 @@
 #define TICKS_PER_S (F_CPU / 8)
 #define TICKS_PER_BIT (TICKS_PER_S / 10)
 #define FIRST_SWITCH 200  // ticks from the start to the first light
+#define MOST_STEP 170     // ticks from one interrupt of timer 2 to the next
 
 // A compare unit switches its pin on every match.
 #define TOGGLE_1_AND_2 (_BV(COM1A0) | _BV(COM1B0))
@@ -51,13 +52,16 @@ ISR(TIMER1_COMPB_vect) {
 
 // Timer 2 counts to 256 only. Its unit A, which has no pin, measures the time in steps; unit B,
 // which has the LED's, stays behind the counter, where nothing matches, and joins unit A for the
-// last step. Every step is short enough for unit B to be moved on before the counter has come round
-// to it, and long enough (100 ticks) for this interrupt.
+// last step. This interrupt has to move both on within 85 ticks (680 cycles) of unit A's match,
+// also if it waits for the end of another one: no step is shorter, and after the longest the
+// counter takes as many to come round to unit B.
 ISR(TIMER2_COMPA_vect) {
   uint16_t left = ticks_left_3;
   if (left == 0) left = LED_3_PIN & _BV(LED_3_BIT) ? periods[2].lit : periods[2].dark;
   const uint8_t now = OCR2A;
-  const uint8_t step = (uint8_t)(left > 400 ? 200 : left > 200 ? left / 2 : left);
+  const uint8_t step = (uint8_t)(left > 2 * MOST_STEP ? MOST_STEP
+                                 : left > MOST_STEP   ? left / 2
+                                                      : left);
   left -= step;
   OCR2A = (uint8_t)(now + step);
   OCR2B = (uint8_t)(left == 0 ? now + step : now - 1);

@@ -32,6 +32,7 @@ void light_code_start(uint8_t number) {
 bool light_code_bit(void) { return state & 1; }
 
 void light_code_next(void) {
-  const uint32_t last = (uint32_t)__builtin_parityl(state & taps);
-  state = state >> 1 | last << (DEGREE - 1);
+  const bool last = __builtin_parityl(state & taps);
+  state >>= 1;
+  if (last) state |= 1UL << (DEGREE - 1);  // shifting the bit there would take 19 rounds of a loop
 }

@@ -152,7 +152,7 @@ const std::vector<LibraryRule>& LibraryRules() {
         "agent/capture", "agent/detect", "agent/identify", "agent/command"}},
       {"Aravis", {"arv", "glib"}, {"agent/capture/genicam"}},
       {"Avahi", {"avahi-"}, {"common/discovery"}},
-      {"libsystemd", {"systemd/"}, {"common/service"}},
+      {"libsystemd", {"systemd/"}, {"common/log", "common/service"}},
       {"the Metavision SDK", {"metavision/"}, {"agent/capture/metavision"}},
       {"CLI11",
        {"CLI/"},

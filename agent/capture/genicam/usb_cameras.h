@@ -10,11 +10,11 @@ namespace rigcal::agent {
 // A USB3 Vision camera as the kernel sees it: also one that this user may not open, which Aravis
 // leaves out without a word.
 struct UsbCamera {
-  std::string vendor;
-  std::string model;
-  std::string serial;
-  std::filesystem::path node;  // its file below /dev/bus/usb
-  bool may_open = false;       // this user may read and write it
+  std::string vendor{};
+  std::string model{};
+  std::string serial{};
+  std::filesystem::path node{};  // its file below /dev/bus/usb
+  bool may_open = false;         // this user may read and write it
 };
 
 // By node. `devices` is /sys/bus/usb/devices, `nodes` /dev/bus/usb. A folder that is not there has

@@ -69,7 +69,7 @@ rm -r /run/systemd/system/rigcal-server.service.d
 systemctl daemon-reload
 
 step "units"
-systemd-analyze verify rigcal-server.service rigcal-agent.service
+systemd-analyze verify --man=no rigcal-server.service rigcal-agent.service
 systemd-analyze security --no-pager --threshold=20 rigcal-server.service | tail -n 1
 systemd-analyze security --no-pager --threshold=35 rigcal-agent.service | tail -n 1
 

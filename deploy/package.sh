@@ -17,7 +17,7 @@ if [ "${1:-}" = --version ]; then
   version=${2:?--version needs a version, such as 0.1.0+lab1}
   shift 2
 fi
-folder=${1:-$root/build/packages}
+folder=$(realpath -m -- "${1:-$root/build/packages}")
 say() { echo "package: $*" >&2; }
 
 "$root/deploy/install-deps.sh" --packages

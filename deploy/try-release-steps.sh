@@ -89,7 +89,7 @@ expect 4 sh -c "rigcal agent list | grep -c 'sim:camera='"
 sleep 15
 rigcal session stop wave --wait
 rigcal session verify wave
-rigcal session show wave
+rigcal session get wave
 rigcal calibrate wave --wait
 rigcal session list | grep kept
 

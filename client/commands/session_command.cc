@@ -144,7 +144,7 @@ ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest
     session = CallStart(server, id);
     if (!session.ok()) {
       context.console.Message(absl::StrCat(
-          "session ", id, " was created but could not be started, for the reason below; then run: ",
+          "session ", id, " was created but not started; the reason is below. To start it later: ",
           "rigcal session start ", id));
     }
   }

@@ -96,7 +96,8 @@ absl::StatusOr<Listing> List(const fs::path& folder) {
   return listing;
 }
 
-void CheckCamera(const RecordedCamera& camera, FaultList* faults) {
+// `unused`: the lens files that belong to no recording, as text; empty: there are none.
+void CheckCamera(const RecordedCamera& camera, const std::string& unused, FaultList* faults) {
   const std::string yaml = LensFileBeside(camera.recording.string());
   std::error_code error;
   if (const absl::Status name = ValidateName("camera name", camera.camera); !name.ok()) {
@@ -104,7 +105,11 @@ void CheckCamera(const RecordedCamera& camera, FaultList* faults) {
                 ": a camera is named after its file: ", std::string(name.message()));
   } else if (!fs::exists(yaml, error)) {
     faults->Add("camera ", camera.camera, ": ", camera.recording.filename().string(),
-                " is there, but ", yaml, " with its intrinsics is missing");
+                " is there, but ", yaml, " with its intrinsics is missing",
+                unused.empty()
+                    ? ""
+                    : "; a lens file is named after its recording, and these belong to none: ",
+                unused);
   } else if (const auto intrinsics = ReadIntrinsicsFile(yaml, camera.camera); !intrinsics.ok()) {
     faults->Add("camera ", camera.camera, ": ", std::string(intrinsics.status().message()));
   }
@@ -138,6 +143,10 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
                                              "makes such a file from pictures of a board)"));
     }
   }
+  std::vector<std::string> unused;
+  for (const std::string& stem : listing.yaml) {
+    if (!recordings.contains(stem)) unused.push_back(absl::StrCat(stem, ".yaml"));
+  }
   for (const auto& [stem, files] : recordings) {
     RecordedCamera camera{.camera = stem,
                           .recording = folder.path / *files.begin(),
@@ -146,7 +155,7 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
       faults.Add("camera ", stem, " has several recordings: ", absl::StrJoin(files, ", "),
                  "; leave one of them in ", path.string());
     }
-    CheckCamera(camera, &faults);
+    CheckCamera(camera, absl::StrJoin(unused, ", "), &faults);
     folder.cameras.push_back(std::move(camera));
   }
   for (const std::string& stem : listing.yaml) {

@@ -30,9 +30,10 @@ constexpr char kExample[] = "wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.0
 constexpr char kHowWritten[] =
     "positions are in metres, without a unit, with a comma between them and a point before "
     "decimals";
-constexpr double kMaxLengthM = 20;  // more is millimetres typed as metres
-constexpr double kMaxWavedM = 4;    // and of what is typed for a wand, centimetres
-constexpr double kMinSpanM = 1e-4;  // closer markers are one marker
+constexpr double kMaxLengthM = 20;     // more is millimetres typed as metres
+constexpr double kMaxWavedM = 4;       // more was typed for a wand in another unit, in which it is
+constexpr double kLeastWavedM = 0.05;  // at least this long
+constexpr double kMinSpanM = 1e-4;     // closer markers are one marker
 constexpr double kMaxDiameterM = 1;
 constexpr double kMaxBlinkHz = 1e6;
 constexpr double kMaxToleranceM = 1;
@@ -112,13 +113,18 @@ absl::Status Normalise(Target* target) {
   const double first = positions.empty() ? 0 : positions.front();
   for (double& position : positions) position -= first;
   if (!positions.empty() && positions.back() > kMaxWavedM) {
-    const bool centimetres = positions.back() <= 100 * kMaxWavedM;
-    std::vector<double> meant;
-    for (const double position : positions) meant.push_back(position / (centimetres ? 100 : 1000));
+    std::vector<std::string> guesses;
+    for (const auto& [unit, per_metre] :
+         {std::pair("millimetres", 1000.0), std::pair("centimetres", 100.0)}) {
+      const double length_m = positions.back() / per_metre;
+      if (length_m < kLeastWavedM || length_m > kMaxWavedM) continue;
+      std::vector<double> meant;
+      for (const double position : positions) meant.push_back(position / per_metre);
+      guesses.push_back(absl::StrCat("; if these are ", unit, ", write ", WandText(meant)));
+    }
     return absl::InvalidArgumentError(absl::StrCat(
         "the wand is ", positions.back(), " m long, and nobody waves one of more than ", kMaxWavedM,
-        " m: positions are in metres; if these are ", centimetres ? "centimetres" : "millimetres",
-        ", write ", WandText(meant)));
+        " m: positions are in metres", absl::StrJoin(guesses, "")));
   }
   return absl::OkStatus();
 }

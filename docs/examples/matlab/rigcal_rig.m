@@ -41,6 +41,9 @@ function rig = rigcal_rig(file)
       end
       k = lens.distortion(:)';
     end
+    if i > 1 && any(strcmp(camera.camera, {rig.name}))
+      error('rigcal:file', '%s: camera %s is there twice; keep one of them', file, camera.camera);
+    end
     rig(i).name = camera.camera;
     rig(i).model = lens.model;
     rig(i).focal = [value(lens, 'fx_px'), value(lens, 'fy_px')];

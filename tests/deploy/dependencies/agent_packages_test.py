@@ -73,6 +73,8 @@ class Packages:
         answer = subprocess.run(["dpkg", "-S", *paths], capture_output=True, text=True).stdout
         owners = {}
         for line in answer.splitlines():
+            if line.startswith("diversion by "):  # where Debian 13 moved /lib to /usr/lib
+                continue
             package, path = line.split(": ", 1)
             name = path if path.startswith("/usr") else "/usr" + path
             owners[name] = package.split(":")[0]

@@ -67,7 +67,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
           <dd>{stale || !volume ? missing : scaleText(volume.scale_sigma_rel)}</dd></div>
         <div class="fact" title="Reprojection error on data that the estimate did not use, and what it would be if the estimate were right">
           <dt>held-out check</dt><dd>{!estimate?.held_out || stale ? missing
-            : `${estimate.held_out.agrees ? '✓' : '▲'} ${fixed(estimate.held_out.rms_px ?? 0, 2)} of ${fixed(estimate.held_out.expected_rms_px ?? 0, 2)} px`}</dd></div>
+            : `${estimate.held_out.agrees ? '✓' : '▲'} ${fixed(estimate.held_out.rms_px ?? 0, 2)} px, ${fixed(estimate.held_out.expected_rms_px ?? 0, 2)} expected`}</dd></div>
         <div class="fact"><dt>solved</dt><dd>{stale || age === undefined ? missing : `${span(age)} ago`}</dd></div>
       </dl>
     </Panel>

@@ -23,7 +23,7 @@ interface Deletion {
 }
 
 function sessionSpan(session: Session): string {
-  const [from, to] = [timeMs(session.start_time), timeMs(session.stop_time)];
+  const [from, to] = [timeMs(session.start_time), timeMs(session.stop_time ?? session.finish_time)];
   return from === undefined || to === undefined ? missing : span((to - from) / 1000);
 }
 

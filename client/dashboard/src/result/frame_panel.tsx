@@ -102,7 +102,7 @@ function Recording({ calibration, session, onSession, what }: {
     <div class="fields"><label>Recording <select value={session} onChange={(event) => onSession(event.currentTarget.value)}>
       <option value="">none yet</option>
       {session !== '' && !finished.some((one) => one.id === session) && <option value={session}>{session} …</option>}
-      {finished.map((one) => <option key={one.id} value={one.id}>{[one.id, one.title, dateTime(timeMs(one.stop_time))].filter(Boolean).join(' · ')}</option>)}
+      {finished.map((one) => <option key={one.id} value={one.id}>{[one.id, one.title, dateTime(timeMs(one.stop_time ?? one.finish_time))].filter(Boolean).join(' · ')}</option>)}
     </select></label></div>
     <Problem text={list.problem} />
     <div class="buttons"><WorkButton disabled={stale || busy || rig.rig !== calibration.rig} work={async () => {

@@ -123,7 +123,7 @@ export function DistancePage(): JSX.Element {
     if (settings.speech) player.current?.say(sounds.words);
   }, [progress.stage, progress.nowMm, advice, alert, capturing, settings]);
   const started = timeMs(rig.session?.start_time);
-  const now = timeMs(rig.session?.stop_time) ?? timeMs(rig.time);
+  const now = timeMs(rig.session?.stop_time ?? rig.session?.finish_time) ?? timeMs(rig.time);
   const start = async (): Promise<void> => {
     const { target, problem: refused } = targetOf(startFields(rig.session));
     if (!target) throw new Error(refused);

@@ -162,7 +162,7 @@ export function SessionControls({ rig, stale, onChange }: {
   const session = rig.session;
   const [mark, word] = sessionState(session);
   const started = timeMs(session?.start_time);
-  const ended = timeMs(session?.stop_time) ?? timeMs(rig.time);
+  const ended = timeMs(session?.stop_time ?? session?.finish_time) ?? timeMs(rig.time);
   const running = session?.state === 'STATE_CAPTURING';
   const discarded = Boolean(session?.discard_time);
   const finished = session?.state === 'STATE_FINISHED' && !discarded;

@@ -99,3 +99,17 @@ function(rigcal_test_properties folder)
   endif()
   set_tests_properties(${tests} ${properties})
 endfunction()
+
+# rigcal_python_test(<folder> <test> SECONDS <limit>): <test>.py beside the calling list, on the programs of this build.
+find_package(Python3 COMPONENTS Interpreter)
+function(rigcal_python_test folder test)
+  cmake_parse_arguments(ARG "" "SECONDS" "" ${ARGN})
+  if(NOT Python3_Interpreter_FOUND)
+    return()
+  endif()
+  add_test(NAME ${folder}/${test}
+    COMMAND ${CMAKE_COMMAND} -E env PYTHONDONTWRITEBYTECODE=1 RIGCAL_BUILD_DIR=${PROJECT_BINARY_DIR}
+      ${Python3_EXECUTABLE} ${CMAKE_CURRENT_SOURCE_DIR}/${test}.py -v)
+  rigcal_time_limit(limit ${ARG_SECONDS})
+  set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${limit})
+endfunction()

@@ -27,6 +27,11 @@ def parse_opencv_yaml(name: str, text: str) -> dict[str, object]:
         rest = rest.strip()
         if rest.startswith("!!opencv-matrix"):
             values[key] = _matrix(f"{name}: {key}", rest)
+        elif rest.startswith("rows:"):
+            raise RigcalError(
+                f"{name}: {key} has no !!opencv-matrix: "
+                "it is not of rigcal calibration export --format opencv"
+            )
         else:
             values[key] = _scalar(rest)
     return values

@@ -153,6 +153,7 @@ class Files(unittest.TestCase):
         file = self.folder / "left.yaml"
         for text, message in [
             ("camera_name: left\n", "left.yaml is no file of OpenCV"),
+            ("%YAML:1.0\nextrinsics:\n  rows: 3\n  cols: 4\n", "extrinsics has no !!opencv-matrix"),
             ("%YAML:1.0\n---\ncamera_name: left\n", "left.yaml has no camera_matrix"),
             ("%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
              "   data: [ 1., 2. ]\n", "camera_matrix is no matrix of 3 x 3 real numbers"),

@@ -17,6 +17,8 @@ namespace {
 constexpr int kMaxRepairs = 8;
 // By which one cause alone may fit worse than several with it.
 constexpr double kFewerCausesWorth = 0.02;
+// Explanations are compared on the same markers, outliers included, each of at most this error.
+constexpr double kComparedCapPx = 60;
 
 using RepairFunction = Repair (*)(const CauseInput&);
 constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics, RepairMovedCamera,
@@ -39,8 +41,9 @@ std::optional<Repair> ExplainedAlone(const CauseInput& start, const Repair& last
   if (!last.on_other || !last.repaired.uneven_clocks.empty()) return std::nullopt;
   Repair alone = last.on_other(start);
   if (alone.causes.empty()) return std::nullopt;
-  const ErrorChange change = Overall(CompareErrors(last.repaired.problem, alone.repaired.problem));
-  if (change.gain() < -kFewerCausesWorth) return std::nullopt;
+  const double both_px = CappedErrorPx(last.repaired.problem, kComparedCapPx);
+  const double alone_px = CappedErrorPx(alone.repaired.problem, kComparedCapPx);
+  if (alone_px > (1 + kFewerCausesWorth) * both_px) return std::nullopt;
   return alone;
 }
 
@@ -55,11 +58,14 @@ Causes TakeOutCauses(const RigObservations& rig, const EvaluatedSolution& evalua
     Repair best;
     size_t best_function = 0;
     double best_gain_px = 0;
+    const double before_px = CappedErrorPx(trial->problem, kComparedCapPx);
     for (size_t f = 0; f < left.size(); ++f) {
       Repair repair = left[f]({rig, evaluated, result, *trial});
       if (repair.causes.empty()) continue;
-      const double gain_px = repair.gain_px.value_or(
-          Overall(CompareErrors(trial->problem, repair.repaired.problem)).gain_px());
+      const double same_rows_px =
+          before_px - CappedErrorPx(repair.repaired.problem, kComparedCapPx);
+      if (same_rows_px <= 0) continue;
+      const double gain_px = repair.gain_px.value_or(same_rows_px);
       if (gain_px <= best_gain_px) continue;
       best_gain_px = gain_px;
       best = std::move(repair);
@@ -113,6 +119,8 @@ bool IsCauseOfError(FindingKind kind) {
     case FindingKind::kWrongIntrinsics:
     case FindingKind::kIntrinsicsFromPrior:
     case FindingKind::kCameraMoved:
+    case FindingKind::kLensChanged:
+    case FindingKind::kWandNotRigid:
     case FindingKind::kRollingShutter:
     case FindingKind::kFlippedLabels:
     case FindingKind::kWrongWandLength:
@@ -172,7 +180,8 @@ std::vector<Finding> FindingsOf(const Causes& causes, bool is_bad) {
   std::vector<Finding> findings;
   for (const Cause& cause : causes.causes) {
     const bool doubtful =
-        is_bad && IsCauseOfError(cause.finding.kind) && !holds(cause.finding.camera);
+        is_bad && !cause.certain && IsCauseOfError(cause.finding.kind) &&
+        !holds(cause.finding.camera);
     findings.push_back(doubtful ? AsCandidate(cause) : cause.finding);
   }
   return findings;

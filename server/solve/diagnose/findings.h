@@ -15,6 +15,8 @@ namespace rigcal::server {
 struct Cause {
   Finding finding;
   double cost_px = 0;  // mean error of the camera (or of all) that goes away when it is removed
+  // Seen by itself, whatever else is wrong: no mere candidate.
+  bool certain = false;
 };
 
 // A clock that jumped or drifted, and what its course is.

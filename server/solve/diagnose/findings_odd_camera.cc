@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
+#include <string>
 #include <vector>
 
+#include "absl/strings/str_format.h"
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/diagnose/finding_causes.h"
@@ -16,10 +20,70 @@ constexpr double kOddPx = 1.5, kOddTimes = 4;
 constexpr double kOddOutliers = 0.5;
 constexpr size_t kMinOddMarkers = 60, kMinOddCameras = 4;
 
+// A camera shakes where most of its error is common to the markers of a row, and not along their
+// motion in the image, as that of a wrong time is.
+constexpr double kShakesShare = 0.75, kAcrossShare = 0.2;
+constexpr size_t kMinShakenRows = 60;
+
 struct CameraErrors {
   std::vector<double> errors_px;
   int outliers = 0;
 };
+
+// What the rows of one camera have in common, per marker: medians over the rows.
+struct RowErrors {
+  std::vector<double> whole_px, common_px, across_px;
+
+  // The rows as wholes are displaced, each by another amount.
+  bool Shakes() const {
+    if (common_px.size() < kMinShakenRows) return false;
+    const double whole = UpperMedian(whole_px);
+    return UpperMedian(common_px) > kShakesShare * whole &&
+           UpperMedian(across_px) > kAcrossShare * whole;
+  }
+};
+
+RowErrors RowErrorsOf(const BundleProblem& problem, const TrialProblem& trial, size_t rig_camera) {
+  RowErrors errors;
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      if (trial.rig_camera[static_cast<size_t>(observation.camera)] != rig_camera) continue;
+      Eigen::Vector2d sum = Eigen::Vector2d::Zero(), velocity = Eigen::Vector2d::Zero();
+      double sum_px2 = 0;
+      int count = 0;
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+        if (!residual) continue;
+        sum += *residual;
+        sum_px2 += residual->squaredNorm();
+        velocity += marker.velocity_px_s;
+        ++count;
+      }
+      if (count < 2) continue;
+      const Eigen::Vector2d common = sum / count;
+      const Eigen::Vector2d across =
+          Eigen::Vector2d(-velocity.y(), velocity.x()) / std::max(velocity.norm(), 1e-9);
+      errors.whole_px.push_back(std::sqrt(sum_px2 / count));
+      errors.common_px.push_back(common.norm());
+      errors.across_px.push_back(std::abs(common.dot(across)));
+    }
+  }
+  return errors;
+}
+
+Cause ShakingCause(const std::string& camera, const RowErrors& errors, double error_px) {
+  const double common_px = UpperMedian(errors.common_px) / kMedianOfRayleigh;
+  return {{FindingKind::kCameraMoved, camera, common_px, "px",
+           absl::StrFormat(
+               "it shakes: the markers of a row are displaced together, by %.1f px (one "
+               "sigma) from row to row, in all directions; that is %.0f %% of its "
+               "error. Clamp its mount, keep it away from what vibrates, and record "
+               "again",
+               common_px, 100 * UpperMedian(errors.common_px) / UpperMedian(errors.whole_px))},
+          error_px,
+          true};
+}
 
 }  // namespace
 
@@ -50,6 +114,13 @@ std::vector<Cause> FindOddCameras(const CauseInput& input) {
     const OddCamera odd =
         JudgeCamera(input.rig, input.evaluated.solution, input.rig.index.cameras[c].camera);
     if (odd.kind == FindingKind::kUnspecified) continue;
+    if (odd.kind == FindingKind::kNoisyCamera) {
+      const RowErrors rows = RowErrorsOf(problem, input.trial, c);
+      if (rows.Shakes()) {
+        causes.push_back(ShakingCause(odd.camera, rows, medians_px[c]));
+        continue;
+      }
+    }
     const double value =
         odd.kind == FindingKind::kNoisyCamera ? odd.error_px / kMedianOfRayleigh : medians_px[c];
     causes.push_back({{odd.kind, odd.camera, value, "px", odd.advice}, medians_px[c]});

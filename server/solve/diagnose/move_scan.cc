@@ -6,16 +6,17 @@
 #include <cmath>
 #include <cstddef>
 #include <iterator>
+#include <numeric>
 #include <vector>
 
 #include "common/camera/camera_model.h"
+#include "common/statistics/robust_statistics.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/evaluate/held_out_choice.h"
 
 namespace rigcal::server {
 namespace {
 
-constexpr double kCapPx = 60;
 constexpr size_t kMaxMarkers = 1500;
 constexpr size_t kMinMarkersOfPart = 60;
 constexpr int kCoarseSteps = 20;
@@ -26,62 +27,25 @@ constexpr size_t kMinMarkersOfBlock = 5;
 // Of what one change leaves, a span of time must leave no more.
 constexpr double kSpanWorth = 0.8;
 constexpr int kSpanRounds = 4;
+constexpr double kSeedCap = 8;  // times the median error
 constexpr double kHeldOutSigmas = 2;
-
-struct Sample {
-  int64_t time_ns;
-  Eigen::Vector2d residual;  // predicted minus measured
-  Eigen::Matrix<double, 2, 6> jacobian;
-};
-
-std::vector<Sample> SamplesOf(const TrialProblem& trial, const SessionTimeline& timeline,
-                              int camera) {
-  const BundleProblem& problem = trial.problem;
-  const BundleCamera& solved = problem.cameras[static_cast<size_t>(camera)];
-  std::vector<Sample> samples;
-  ForEachMarker(problem, [&](size_t i, const BundleObservation& observation, size_t m) {
-    if (observation.camera != camera) return;
-    const BundleInstant& instant = problem.instants[i];
-    const BundleMarker& marker = problem.markers[m];
-    const auto residual = MarkerResidualPx(problem, instant, observation, marker);
-    const Eigen::Vector3d rotated = solved.cam_from_rig.rotation * problem.PointOf(instant, marker);
-    Eigen::Vector2d pixel;
-    Eigen::Matrix<double, 2, 3> d_point;
-    if (!residual ||
-        !Project(solved.model, solved.intrinsics.data(),
-                 rotated + solved.cam_from_rig.translation_m, &pixel, &d_point, nullptr)) {
-      return;
-    }
-    Sample sample = {timeline.TimeNs(i), *residual, {}};
-    Eigen::Matrix3d cross;
-    cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(), rotated.x(),
-        0;
-    sample.jacobian.leftCols<3>() = -d_point * cross;
-    sample.jacobian.rightCols<3>() = d_point;
-    samples.push_back(sample);
-  });
-  std::ranges::stable_sort(samples, {}, &Sample::time_ns);
-  const size_t stride = 1 + samples.size() / kMaxMarkers;
-  std::vector<Sample> some;
-  for (size_t i = 0; i < samples.size(); i += stride) some.push_back(samples[i]);
-  return some;
-}
 
 struct Fit {
   PoseStep step = PoseStep::Zero();
   double cost = 0;
 };
 
-double CostOf(const std::vector<Sample>& samples, size_t begin, size_t end, const PoseStep& step) {
+double CostOf(const std::vector<MoveSample>& samples, size_t begin, size_t end,
+              const PoseStep& step) {
   double cost = 0;
   for (size_t i = begin; i < end; ++i) {
-    cost += std::min(kCapPx, (samples[i].residual + samples[i].jacobian * step).norm());
+    cost += std::min(kMoveCapPx, (samples[i].residual + samples[i].jacobian * step).norm());
   }
   return cost;
 }
 
 // Least absolute errors by iterative reweighting.
-Fit FitStep(const std::vector<Sample>& samples, size_t begin, size_t end) {
+Fit FitStep(const std::vector<MoveSample>& samples, size_t begin, size_t end) {
   Fit fit;
   fit.cost = CostOf(samples, begin, end, fit.step);
   PoseStep step = PoseStep::Zero();
@@ -89,10 +53,10 @@ Fit FitStep(const std::vector<Sample>& samples, size_t begin, size_t end) {
     Eigen::Matrix<double, 6, 6> information = 1e-6 * Eigen::Matrix<double, 6, 6>::Identity();
     PoseStep gradient = PoseStep::Zero();
     for (size_t i = begin; i < end; ++i) {
-      const Sample& sample = samples[i];
+      const MoveSample& sample = samples[i];
       const double norm = (sample.residual + sample.jacobian * step).norm();
       // Beyond the cap a residual says nothing about the pose.
-      const double weight = (norm > 4 * kCapPx ? 0.01 : 1) / std::max(norm, 0.1);
+      const double weight = (norm > 4 * kMoveCapPx ? 0.01 : 1) / std::max(norm, 0.1);
       information += weight * sample.jacobian.transpose() * sample.jacobian;
       gradient += weight * sample.jacobian.transpose() * sample.residual;
     }
@@ -121,21 +85,41 @@ std::pair<size_t, size_t> BestSpan(const std::vector<double>& gains) {
   return best;
 }
 
-double CappedPx(const Sample& sample, const PoseStep& step) {
-  return std::min(kCapPx, (sample.residual + sample.jacobian * step).norm());
+double CappedPx(const MoveSample& sample, const PoseStep& step) {
+  return std::min(kMoveCapPx, (sample.residual + sample.jacobian * step).norm());
+}
+
+// False detections that no pose explains would hide how much a change explains of the rest.
+bool IsLost(const MoveSample& sample, const PoseStep& one, const ChangePoint& change) {
+  const PoseStep& own = change.HasMoved(sample.time_ns) ? change.after : change.before;
+  return CappedPx(sample, one) >= kMoveCapPx && CappedPx(sample, own) >= kMoveCapPx;
+}
+
+double GainBesideLost(const std::vector<MoveSample>& samples, const PoseStep& one,
+                      const ChangePoint& change) {
+  double before = 0, after = 0;
+  for (const MoveSample& sample : samples) {
+    if (IsLost(sample, one, change)) continue;
+    before += CappedPx(sample, one);
+    after += CappedPx(sample, change.HasMoved(sample.time_ns) ? change.after : change.before);
+  }
+  return before > 0 ? 1 - after / before : 0;
 }
 
 // The span of time in which another pose explains most, found in turns with the two poses: from the
 // samples that one pose fits worst (`first_sign` 1), or best (-1, where it was elsewhere most of
 // the time).
-std::optional<ChangePoint> ScanForSpan(const std::vector<Sample>& samples, const Fit& one,
+std::optional<ChangePoint> ScanForSpan(const std::vector<MoveSample>& samples, const Fit& one,
                                        double first_sign) {
   const size_t count = samples.size();
+  // Where one pose fits worse than usual; false detections count little.
   std::vector<double> gains(count);
-  for (size_t i = 0; i < count; ++i) {
-    const double mean_px = one.cost / static_cast<double>(count);
-    gains[i] = first_sign * (CappedPx(samples[i], one.step) - mean_px);
-  }
+  for (size_t i = 0; i < count; ++i) gains[i] = CappedPx(samples[i], one.step);
+  const double most_px = kSeedCap * UpperMedian(gains);
+  for (double& gain : gains) gain = std::min(gain, most_px);
+  const double mean_px =
+      std::accumulate(gains.begin(), gains.end(), 0.0) / static_cast<double>(count);
+  for (double& gain : gains) gain = first_sign * (gain - mean_px);
   std::optional<ChangePoint> best;
   for (int round = 0; round < kSpanRounds; ++round) {
     auto [begin, end] = BestSpan(gains);
@@ -152,7 +136,7 @@ std::optional<ChangePoint> ScanForSpan(const std::vector<Sample>& samples, const
     const auto at = [&samples](size_t i) {
       return samples.begin() + static_cast<std::ptrdiff_t>(i);
     };
-    std::vector<Sample> rest(samples.begin(), at(begin));
+    std::vector<MoveSample> rest(samples.begin(), at(begin));
     rest.insert(rest.end(), at(end), samples.end());
     const Fit inside = FitStep(samples, begin, end), outside = FitStep(rest, 0, rest.size());
     const double gain = 1 - (inside.cost + outside.cost) / one.cost;
@@ -168,9 +152,49 @@ std::optional<ChangePoint> ScanForSpan(const std::vector<Sample>& samples, const
 
 }  // namespace
 
+std::vector<MoveSample> AllMoveSamplesOf(const TrialProblem& trial, const SessionTimeline& timeline,
+                                         int camera) {
+  const BundleProblem& problem = trial.problem;
+  const BundleCamera& solved = problem.cameras[static_cast<size_t>(camera)];
+  const Eigen::Vector2d principal_px(solved.intrinsics[2], solved.intrinsics[3]);
+  std::vector<MoveSample> samples;
+  ForEachMarker(problem, [&](size_t i, const BundleObservation& observation, size_t m) {
+    if (observation.camera != camera) return;
+    const BundleInstant& instant = problem.instants[i];
+    const BundleMarker& marker = problem.markers[m];
+    const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+    const Eigen::Vector3d rotated = solved.cam_from_rig.rotation * problem.PointOf(instant, marker);
+    Eigen::Vector2d pixel;
+    Eigen::Matrix<double, 2, 3> d_point;
+    if (!residual ||
+        !Project(solved.model, solved.intrinsics.data(),
+                 rotated + solved.cam_from_rig.translation_m, &pixel, &d_point, nullptr)) {
+      return;
+    }
+    MoveSample sample = {timeline.TimeNs(i), m, *residual, {}, pixel - principal_px};
+    Eigen::Matrix3d cross;
+    cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(), rotated.x(),
+        0;
+    sample.jacobian.leftCols<3>() = -d_point * cross;
+    sample.jacobian.rightCols<3>() = d_point;
+    samples.push_back(sample);
+  });
+  std::ranges::stable_sort(samples, {}, &MoveSample::time_ns);
+  return samples;
+}
+
+std::vector<MoveSample> MoveSamplesOf(const TrialProblem& trial, const SessionTimeline& timeline,
+                                      int camera) {
+  const std::vector<MoveSample> samples = AllMoveSamplesOf(trial, timeline, camera);
+  const size_t stride = 1 + samples.size() / kMaxMarkers;
+  std::vector<MoveSample> some;
+  for (size_t i = 0; i < samples.size(); i += stride) some.push_back(samples[i]);
+  return some;
+}
+
 std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionTimeline& timeline,
                                        int camera) {
-  const std::vector<Sample> samples = SamplesOf(trial, timeline, camera);
+  const std::vector<MoveSample> samples = MoveSamplesOf(trial, timeline, camera);
   const size_t count = samples.size();
   if (count < 4 * kMinMarkersOfPart) return std::nullopt;
   const Fit one = FitStep(samples, 0, count);
@@ -194,7 +218,7 @@ std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionT
   const size_t stride = std::max<size_t>(1, count / kCoarseSteps);
   for (size_t split = stride; split < count; split += stride) look(split);
   for (const int64_t begin_ns : timeline.BeginsNs()) {
-    const auto first = std::ranges::lower_bound(samples, begin_ns, {}, &Sample::time_ns);
+    const auto first = std::ranges::lower_bound(samples, begin_ns, {}, &MoveSample::time_ns);
     look(static_cast<size_t>(first - samples.begin()));
   }
   // Halving towards the best.
@@ -205,24 +229,30 @@ std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, const SessionT
     look(around + fine);
   }
   if (best) best->time_ns = timeline.Snapped(best->time_ns);
+  if (best) best->gain = GainBesideLost(samples, one.step, *best);
   for (const double first_sign : {1.0, -1.0}) {
-    const std::optional<ChangePoint> span = ScanForSpan(samples, one, first_sign);
+    std::optional<ChangePoint> span = ScanForSpan(samples, one, first_sign);
+    if (!span) continue;
+    span->gain = GainBesideLost(samples, one.step, *span);
     const double left = best ? 1 - best->gain : 1;
-    if (span && 1 - span->gain < (best && best->IsBack() ? 1 : kSpanWorth) * left) best = span;
+    if (1 - span->gain < (best && best->IsBack() ? 1 : kSpanWorth) * left) best = span;
   }
   return best;
 }
 
 bool HoldsForOtherTimes(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
                         const ChangePoint& change) {
-  const std::vector<Sample> samples = SamplesOf(trial, timeline, camera);
+  std::vector<MoveSample> samples = MoveSamplesOf(trial, timeline, camera);
+  const PoseStep one_step = FitStep(samples, 0, samples.size()).step;
+  std::erase_if(samples,
+                [&](const MoveSample& sample) { return IsLost(sample, one_step, change); });
   if (samples.empty()) return false;
   // Where it is back the time away is left out of the time of the rest.
   const int64_t last_ns = samples.back().time_ns + 1;
   const int64_t until_ns = std::min(change.until_ns, last_ns);
   const int64_t begins_ns[] = {samples.front().time_ns, change.time_ns};
   const int64_t ends_ns[] = {change.time_ns + last_ns - until_ns, until_ns};
-  const auto block_of = [&](const Sample& sample) {
+  const auto block_of = [&](const MoveSample& sample) {
     const int part = change.HasMoved(sample.time_ns) ? 1 : 0;
     const int64_t away_ns = sample.time_ns >= until_ns ? until_ns - change.time_ns : 0;
     const double share = static_cast<double>(sample.time_ns - away_ns - begins_ns[part]) /
@@ -232,8 +262,8 @@ bool HoldsForOtherTimes(const TrialProblem& trial, const SessionTimeline& timeli
   };
   std::vector<double> one_px(2 * kBlocksOfPart), two_px(2 * kBlocksOfPart);
   for (const int held_out : {0, 1}) {
-    std::vector<Sample> all, of_part[2];
-    for (const Sample& sample : samples) {
+    std::vector<MoveSample> all, of_part[2];
+    for (const MoveSample& sample : samples) {
       const int block = block_of(sample);
       if (block % 2 == held_out) continue;
       all.push_back(sample);
@@ -244,9 +274,9 @@ bool HoldsForOtherTimes(const TrialProblem& trial, const SessionTimeline& timeli
       const Fit two = FitStep(of_part[part], 0, of_part[part].size());
       for (int block = part * kBlocksOfPart; block < (part + 1) * kBlocksOfPart; ++block) {
         if (block % 2 != held_out) continue;
-        std::vector<Sample> own;
+        std::vector<MoveSample> own;
         std::ranges::copy_if(samples, std::back_inserter(own),
-                             [&](const Sample& sample) { return block_of(sample) == block; });
+                             [&](const MoveSample& sample) { return block_of(sample) == block; });
         const bool enough = own.size() >= kMinMarkersOfBlock;
         const double count = static_cast<double>(own.size());
         const auto b = static_cast<size_t>(block);
@@ -262,7 +292,7 @@ bool HoldsForOtherTimes(const TrialProblem& trial, const SessionTimeline& timeli
 double LargestErrorPx(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
                       const ChangePoint& change) {
   double sums[2] = {0, 0}, counts[2] = {0, 0};
-  for (const Sample& sample : SamplesOf(trial, timeline, camera)) {
+  for (const MoveSample& sample : MoveSamplesOf(trial, timeline, camera)) {
     const size_t part = change.HasMoved(sample.time_ns) ? 1 : 0;
     sums[part] += sample.residual.norm();
     ++counts[part];

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <vector>
 
 #include "server/solve/diagnose/session_timeline.h"
 #include "server/solve/diagnose/trial_solve.h"
@@ -30,6 +32,25 @@ struct ChangePoint {
   bool IsBack() const { return until_ns < std::numeric_limits<int64_t>::max(); }
   bool HasMoved(int64_t at_ns) const { return at_ns >= time_ns && at_ns < until_ns; }
 };
+
+// A marker of a placed instant as one camera sees it.
+struct MoveSample {
+  int64_t time_ns = 0;                                 // of the timeline
+  size_t marker = 0;                                   // of the problem
+  Eigen::Vector2d residual = Eigen::Vector2d::Zero();  // predicted minus measured, pixels
+  // Of the residual by the camera's pose step.
+  Eigen::Matrix<double, 2, 6> jacobian = Eigen::Matrix<double, 2, 6>::Zero();
+  Eigen::Vector2d from_principal_px = Eigen::Vector2d::Zero();  // of where it was predicted
+};
+
+// Beyond this a residual counts no more.
+inline constexpr double kMoveCapPx = 60;
+
+// Of one camera, ascending by time: all of them, and about 1500.
+std::vector<MoveSample> AllMoveSamplesOf(const TrialProblem& trial, const SessionTimeline& timeline,
+                                         int camera);
+std::vector<MoveSample> MoveSamplesOf(const TrialProblem& trial, const SessionTimeline& timeline,
+                                      int camera);
 
 // Share of the residuals that two poses must take away to be worth a look.
 inline constexpr double kMinScanGain = 0.05;

@@ -60,14 +60,13 @@ std::string SessionTimeline::Describe(int64_t change_ns) const {
   while (s + 1 < sessions_.size() && sessions_[s + 1].begin_ns <= change_ns) ++s;
   const Part& part = sessions_[s];
   if (s > 0 && change_ns == part.begin_ns) {
-    return absl::StrFormat("it moved between session %s and session %s,", sessions_[s - 1].session,
+    return absl::StrFormat("between session %s and session %s,", sessions_[s - 1].session,
                            part.session);
   }
   const double time_s = 1e-9 * static_cast<double>(change_ns - part.begin_ns);
-  return sessions_.size() == 1
-             ? absl::StrFormat("it moved %.1f s after the first wand view", time_s)
-             : absl::StrFormat("it moved %.1f s after the first wand view of session %s", time_s,
-                               part.session);
+  return sessions_.size() == 1 ? absl::StrFormat("%.1f s after the first wand view", time_s)
+                               : absl::StrFormat("%.1f s after the first wand view of session %s",
+                                                 time_s, part.session);
 }
 
 bool SessionTimeline::Overlap() const {

@@ -24,7 +24,7 @@ class SessionTimeline {
   std::vector<int64_t> BeginsNs() const;
   // A change as near to the begin of a session as it can be told is a change between sessions.
   int64_t Snapped(int64_t change_ns) const;
-  // "it moved 12.0 s after the first wand view".
+  // "12.0 s after the first wand view".
   std::string Describe(int64_t change_ns) const;
 
  private:

@@ -22,12 +22,13 @@ constexpr int kMaxRounds = 4;
 constexpr double kWideLoss = 20;
 constexpr double kUnseenPx = 100;
 
+// Of the markers of placed instants; NaN of others.
 std::vector<double> ErrorsPx(const BundleProblem& problem) {
-  std::vector<double> errors(problem.markers.size(), kUnseenPx);
+  std::vector<double> errors(problem.markers.size(), std::numeric_limits<double>::quiet_NaN());
   ForEachMarker(problem, [&](size_t i, const BundleObservation& observation, size_t m) {
     const auto residual =
         MarkerResidualPx(problem, problem.instants[i], observation, problem.markers[m]);
-    if (residual) errors[m] = residual->norm();
+    errors[m] = residual ? residual->norm() : kUnseenPx;
   });
   return errors;
 }
@@ -157,7 +158,8 @@ std::vector<ErrorChange> CompareErrors(const BundleProblem& before, const Bundle
     if (!before.markers[m].used && !after.markers[m].used) return;
     ErrorChange& change = changes[static_cast<size_t>(observation.camera)];
     change.before_px += before_px[m];
-    change.after_px += after_px[m];
+    // Where the instant lost its place nothing is known to have changed.
+    change.after_px += std::isnan(after_px[m]) ? before_px[m] : after_px[m];
     ++change.marker_count;
   });
   for (ErrorChange& change : changes) TakeMean(&change);
@@ -167,7 +169,9 @@ std::vector<ErrorChange> CompareErrors(const BundleProblem& before, const Bundle
 double CappedErrorPx(const BundleProblem& problem, double cap_px) {
   double sum_px = 0;
   const std::vector<double> errors_px = ErrorsPx(problem);
-  for (const double error_px : errors_px) sum_px += std::min(error_px, cap_px);
+  for (const double error_px : errors_px) {
+    sum_px += std::isnan(error_px) ? cap_px : std::min(error_px, cap_px);
+  }
   return sum_px / std::max(1.0, static_cast<double>(errors_px.size()));
 }
 

@@ -88,6 +88,11 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
   switch (finding.kind) {
     case FindingKind::kCameraMoved:
       return {FindingSeverity::kError, absl::StrCat(who, " moved while it was recorded")};
+    case FindingKind::kLensChanged:
+      return {FindingSeverity::kError,
+              absl::StrCat("the lens of ", who, " changed while it was recorded")};
+    case FindingKind::kWandNotRigid:
+      return warning("the wand did not keep its shape (see findings)");
     // What the solve has corrected is no fault of the calibration.
     case FindingKind::kWrongIntrinsics:
       if (camera && camera->intrinsics_refined) return {};

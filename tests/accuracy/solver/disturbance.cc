@@ -111,6 +111,8 @@ std::vector<Disturbance> AllDisturbances() {
   Append(UnitDisturbances(), &list);
   Append(ClockDisturbances(), &list);
   Append(ImageDisturbances(), &list);
+  Append(MoveDisturbances(), &list);
+  Append(WandDisturbances(), &list);
   Append(LensDisturbances(), &list);
   Append(RowDisturbances(), &list);
   Append(Combinations(list), &list);

@@ -33,6 +33,10 @@ std::vector<Disturbance> ClockDisturbances();
 std::vector<Disturbance> UnitDisturbances();
 // What a camera sees: noise, mirrors, garbage, a camera that is turned half-way.
 std::vector<Disturbance> ImageDisturbances();
+// Cameras that are shifted, turned, shaken, or whose lens zooms.
+std::vector<Disturbance> MoveDisturbances();
+// Wands that bend, sag, or whose markers slip.
+std::vector<Disturbance> WandDisturbances();
 // Lenses that are described wrongly.
 std::vector<Disturbance> LensDisturbances();
 // Rolling shutters, flipped labels, lost rows.

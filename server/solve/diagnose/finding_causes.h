@@ -36,6 +36,7 @@ struct Repair {
 Repair RepairClocks(const CauseInput& input);       // where offsets were kept as given
 Repair RepairIntrinsics(const CauseInput& input);   // kept as given, or held by their priors
 Repair RepairMovedCamera(const CauseInput& input);  // one camera at a time
+Repair RepairWand(const CauseInput& input);         // that bends, sags or whose marker slips
 Repair RepairRollingShutters(const CauseInput& input);
 Repair RepairClockCourse(const CauseInput& input);  // of the one clock that pulls most
 

@@ -21,8 +21,8 @@ constexpr double kFewerCausesWorth = 0.02;
 constexpr double kComparedCapPx = 60;
 
 using RepairFunction = Repair (*)(const CauseInput&);
-constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics, RepairMovedCamera,
-                                       RepairRollingShutters, RepairClockCourse};
+constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics,      RepairMovedCamera,
+                                       RepairWand,   RepairRollingShutters, RepairClockCourse};
 using CauseFunction = std::vector<Cause> (*)(const CauseInput&);
 constexpr CauseFunction kCauses[] = {FindClockOffsets,   FindPriorIntrinsics, FindFarIntrinsics,
                                      FindFlippedMarkers, FindWrongWandLength, FindWrongTargetShape,
@@ -179,9 +179,8 @@ std::vector<Finding> FindingsOf(const Causes& causes, bool is_bad) {
   };
   std::vector<Finding> findings;
   for (const Cause& cause : causes.causes) {
-    const bool doubtful =
-        is_bad && !cause.certain && IsCauseOfError(cause.finding.kind) &&
-        !holds(cause.finding.camera);
+    const bool doubtful = is_bad && !cause.certain && IsCauseOfError(cause.finding.kind) &&
+                          !holds(cause.finding.camera);
     findings.push_back(doubtful ? AsCandidate(cause) : cause.finding);
   }
   return findings;

@@ -231,7 +231,8 @@ std::optional<Explanation> TryMove(const CauseInput& input, const SessionTimelin
 std::string ZoomText(const SessionTimeline& timeline, const CameraChange& change, double image_px,
                      const ErrorChange& errors) {
   return absl::StrFormat(
-      "zoom or focus was turned %s%s: its image is %.2f %% %s then, which moved it by %.1f px; its "
+      "zoom or focus was turned %s%s and its image is %.2f %% %s since, which moved it by %.1f px; "
+      "its "
       "error is %.2f px, and %.2f px with that taken out$NEXT. Lock zoom and focus and record "
       "again, or calibrate what was recorded after",
       timeline.Describe(change.when.time_ns), HowLong(change.when), 100 * std::abs(change.zoom),

@@ -14,6 +14,8 @@ namespace {
 
 // Of the focal length: as wrong are the distances from the camera.
 constexpr double kHeldFocalPercent = 1;
+// Of the wand's shape: as much as its spans are wrong by without a word.
+constexpr double kAllowedWandFaultMm = 2;
 constexpr double kMuchFlickerMs = 1;
 
 // Collects what speaks against each grade.
@@ -92,6 +94,7 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       return {FindingSeverity::kError,
               absl::StrCat("the lens of ", who, " changed while it was recorded")};
     case FindingKind::kWandNotRigid:
+      if (finding.value < kAllowedWandFaultMm) return {};
       return warning("the wand did not keep its shape (see findings)");
     // What the solve has corrected is no fault of the calibration.
     case FindingKind::kWrongIntrinsics:

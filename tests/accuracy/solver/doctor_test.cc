@@ -6,6 +6,7 @@
 #include <string>
 
 #include "tests/accuracy/solver/doctor_experiment.h"
+#include "tests/testing/recorded_data.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::accuracy::doctor_test {
@@ -60,6 +61,42 @@ TEST(DoctorTest, TurnOfATenthOfADegreeIsNamedAndNothingElse) {
   EXPECT_TRUE(diagnosis.named);
   EXPECT_THAT(diagnosis.wrong, IsEmpty());
   EXPECT_EQ(diagnosis.grade, QualityGrade::kBad);
+}
+
+// Alternatives compete on the same rows: a zoom moves the image much as a step towards the wand
+// does, a slow move as one at once.
+TEST(DoctorTest, WhatChangedInACameraIsNamedAndNothingElse) {
+  for (const std::string name :
+       {"zoomed 1 % half-way", "zoomed 1 % and back", "sinking 0.3 degrees",
+        "shifted 20 mm half-way", "shaking 0.2 degrees"}) {
+    const Diagnosis diagnosis = DiagnoseSimulated(name, kFirstSeed);
+    EXPECT_TRUE(diagnosis.named) << name;
+    EXPECT_THAT(diagnosis.wrong, IsEmpty()) << name;
+    EXPECT_EQ(diagnosis.grade, QualityGrade::kBad) << name;
+  }
+}
+
+TEST(DoctorTest, MoveOfTheRealRecordingIsNamed) {
+  RIGCAL_REQUIRE_RECORDED_DATA(folder);
+  const auto patient = RecordedPatient();
+  ASSERT_THAT(patient, IsOk());
+  for (const Disturbance& disturbance : MoveDisturbances()) {
+    const Diagnosis diagnosis = Diagnose(disturbance, *patient, kFirstSeed);
+    // 20 mm along the optical axis and half a percent of zoom cannot be told from each other there.
+    if (disturbance.name != "shifted 20 mm ahead half-way") {
+      EXPECT_TRUE(diagnosis.named) << disturbance.name;
+    }
+    EXPECT_EQ(diagnosis.grade, QualityGrade::kBad) << disturbance.name;
+  }
+}
+
+TEST(DoctorTest, WandsThatDoNotKeepTheirShapeAreNamedAndNothingElse) {
+  for (const Disturbance& disturbance : WandDisturbances()) {
+    const Diagnosis diagnosis = DiagnoseSimulated(disturbance.name, kFirstSeed);
+    EXPECT_TRUE(diagnosis.named) << disturbance.name;
+    EXPECT_THAT(diagnosis.wrong, IsEmpty()) << disturbance.name;
+    EXPECT_NE(diagnosis.grade, QualityGrade::kGood) << disturbance.name;
+  }
 }
 
 TEST(DoctorTest, CameraThatSpoilsTheOthersIsLeftOut) {

@@ -288,8 +288,11 @@ TEST(Findings, TheRealRecordingNamesTheCameraWhoseClockIsOff) {
   RIGCAL_REQUIRE_RECORDED_DATA(folder);
   ASSERT_OK_AND_ASSIGN(const CalibrationInput input, RecordedInput(folder));
   const CalibrationResult result = Solve(input, {});
-  EXPECT_EQ(Alarms(result), Strings{"clock_offset:frame_0"});
+  // Its wand is bent, as either half of its cameras sees without the other.
+  EXPECT_EQ(Alarms(result), (Strings{"clock_offset:frame_0", "wand_not_rigid:"}));
   EXPECT_NEAR(Get(result, FindingKind::kClockOffset).value, -8.1, 0.5);
+  EXPECT_NEAR(Get(result, FindingKind::kWandNotRigid).value, 1.5, 0.3);
+  EXPECT_EQ(Get(result, FindingKind::kWandNotRigid).severity, FindingSeverity::kInfo);
   EXPECT_NE(result.quality.grade, QualityGrade::kBad);
 
   CalibrationOptions kept;

@@ -39,7 +39,7 @@ TEST(SessionTimelineTest, OneSessionBeginsAtItsFirstInstant) {
   EXPECT_EQ(timeline.TimeNs(0), 0);
   EXPECT_EQ(timeline.TimeNs(2), 10 * kSecondNs);
   EXPECT_TRUE(timeline.BeginsNs().empty());
-  EXPECT_EQ(timeline.Describe(3 * kSecondNs), "it moved 3.0 s after the first wand view");
+  EXPECT_EQ(timeline.Describe(3 * kSecondNs), "3.0 s after the first wand view");
 }
 
 TEST(SessionTimelineTest, SessionsFollowEachOtherByTime) {
@@ -51,7 +51,7 @@ TEST(SessionTimelineTest, SessionsFollowEachOtherByTime) {
   EXPECT_EQ(timeline.BeginsNs(), std::vector<int64_t>{3 * kSecondNs});
   EXPECT_EQ(timeline.TimeNs(0), 3 * kSecondNs);
   EXPECT_EQ(timeline.Describe(7 * kSecondNs),
-            "it moved 4.0 s after the first wand view of session a");
+            "4.0 s after the first wand view of session a");
 }
 
 TEST(SessionTimelineTest, SessionsWhoseClocksOverlapFollowByName) {
@@ -69,7 +69,7 @@ TEST(SessionTimelineTest, AChangeNearABeginIsOneBetweenSessions) {
   EXPECT_EQ(timeline.Snapped(begin_ns + kSecondNs / 2), begin_ns);
   EXPECT_EQ(timeline.Snapped(begin_ns - kSecondNs / 2), begin_ns);
   EXPECT_EQ(timeline.Snapped(begin_ns + 2 * kSecondNs), begin_ns + 2 * kSecondNs);
-  EXPECT_EQ(timeline.Describe(begin_ns), "it moved between session a and session b,");
+  EXPECT_EQ(timeline.Describe(begin_ns), "between session a and session b,");
 }
 
 }  // namespace

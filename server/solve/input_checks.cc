@@ -282,8 +282,10 @@ absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
   return absl::OkStatus();
 }
 
-absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts) {
+absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts,
+                         const std::set<std::string>& left_out) {
   for (const auto& [camera, count] : counts) {
+    if (left_out.contains(camera)) continue;
     if (std::ranges::find(index.cameras, camera, &CameraDescription::camera) !=
         index.cameras.end()) {
       continue;

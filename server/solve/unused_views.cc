@@ -41,6 +41,8 @@ FindingKind KindOf(StampFault::Kind kind) {
       return FindingKind::kRowsRepeated;
     case StampFault::Kind::kCopied:
       return FindingKind::kRowsCopied;
+    case StampFault::Kind::kFrozen:
+      return FindingKind::kRowsFrozen;
     case StampFault::Kind::kAtOrigin:
       return FindingKind::kMarkersAtOrigin;
     case StampFault::Kind::kLightContradicts:
@@ -68,6 +70,7 @@ const char* UnitOf(StampFault::Kind kind) {
     case StampFault::Kind::kRepeat:
     case StampFault::Kind::kBursts:
     case StampFault::Kind::kCopied:
+    case StampFault::Kind::kFrozen:
     case StampFault::Kind::kLightContradicts:
     case StampFault::Kind::kWandRate:
       return "%";

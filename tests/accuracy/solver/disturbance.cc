@@ -113,6 +113,7 @@ std::vector<Disturbance> AllDisturbances() {
   Append(ImageDisturbances(), &list);
   Append(LensDisturbances(), &list);
   Append(RowDisturbances(), &list);
+  Append(SickCameraDisturbances(), &list);
   Append(Combinations(list), &list);
   return list;
 }

@@ -185,7 +185,7 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
     const std::set<std::string>& bases = timebases[track.session_id];
     if (bases.size() == 1 && !bases.begin()->empty()) offsets[key_of(track)] = {};
   }
-  BringFarClocksTogether(clean, &offsets);
+  BringFarClocksTogether(clean, &offsets, faults);
   RelateByLight(tracks, &offsets, faults);
   std::vector<AlignedTrack> aligned;
   for (CleanTrack& track : clean) {

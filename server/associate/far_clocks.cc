@@ -48,13 +48,17 @@ std::vector<Group> GroupsOf(std::vector<Recording> recordings) {
   return groups;
 }
 
+std::set<std::string> NamesOf(const Group& group) {
+  std::set<std::string> names;
+  for (const Recording& recording : group) names.insert(recording.camera);
+  return names;
+}
+
 // Every camera counts from one beginning.
 bool AreApart(const std::vector<Group>& groups) {
   std::set<std::string> seen;
   for (const Group& group : groups) {
-    std::set<std::string> own;
-    for (const Recording& recording : group) own.insert(recording.camera);
-    for (const std::string& camera : own) {
+    for (const std::string& camera : NamesOf(group)) {
       if (!seen.insert(camera).second) return false;
     }
   }
@@ -72,7 +76,8 @@ bool CanBeSubtracted(int64_t time_ns) { return std::abs(static_cast<double>(time
 }  // namespace
 
 void BringFarClocksTogether(const std::vector<CleanTrack>& clean,
-                            std::map<ClockKey, ClockOffset>* known) {
+                            std::map<ClockKey, ClockOffset>* known,
+                            std::vector<StampFault>* faults) {
   std::map<std::string, std::vector<Recording>> sessions;
   for (const CleanTrack& track : clean) {
     const ClockKey key = {track.session_id, track.camera.clock.clock_id, track.clock_epoch};
@@ -90,6 +95,16 @@ void BringFarClocksTogether(const std::vector<CleanTrack>& clean,
       if (&group == &most) continue;
       const int64_t offset_ns = MiddleNs(most) - MiddleNs(group);
       for (const Recording& recording : group) (*known)[recording.clock].offset_ns += offset_ns;
+      if (faults == nullptr) continue;
+      for (const std::string& camera : NamesOf(group)) {
+        faults->push_back(
+            {StampFault::Kind::kFarClock, session_id, camera, 1e-6 * static_cast<double>(offset_ns),
+             absl::StrFormat("its clock counts from another beginning than that of %s: %.0f s "
+                             "apart. The two recordings were laid on each other, and the motion "
+                             "that both saw says the rest",
+                             absl::StrJoin(NamesOf(most), ", "),
+                             1e-9 * std::abs(static_cast<double>(offset_ns)))});
+      }
     }
   }
 }
@@ -112,9 +127,7 @@ std::string DescribeFarClocks(const std::vector<CameraTrack>& tracks) {
     if (!AreApart(groups)) continue;
     std::vector<std::string> texts;
     for (const Group& group : groups) {
-      std::vector<std::string> names;
-      for (const Recording& recording : group) names.push_back(recording.camera);
-      std::ranges::sort(names);
+      const std::set<std::string> names = NamesOf(group);
       const int64_t first_ns = group.front().first_ns;
       const bool since_1970 = first_ns >= kYear2000Ns && first_ns < kYear2100Ns;
       texts.push_back(absl::StrFormat(

@@ -23,6 +23,7 @@
 #include "server/associate/static_points.h"
 #include "server/associate/straight_clocks.h"
 #include "server/associate/unseen_markers.h"
+#include "server/solve/bad_rows.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/motion_evidence.h"
 #include "server/solve/derivation.h"
@@ -305,16 +306,18 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
         absl::StrCat(spans, ". (", std::string(solved.status().message()), ")"));
   }
   RIGCAL_RETURN_IF_ERROR(solved.status());
-  AddFindings(of_stamps, &*solved);
   // Where a camera spoils the others, nothing is said about clocks and lenses.
   if (odd.kind == FindingKind::kUnspecified) {
     std::vector<Finding> chosen;
+    RIGCAL_RETURN_IF_ERROR(
+        LeaveOutBadRows(clocks, options, hooks, counts, held, refused, &rig, &*solved, &chosen));
     RIGCAL_RETURN_IF_ERROR(
         FollowClocks(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
     RIGCAL_RETURN_IF_ERROR(
         ChooseLenses(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
     AddFindings(std::move(chosen), &*solved);
   }
+  AddFindings(of_stamps, &*solved);
   AddFindings(FindLampContradictions(LampPhasesOf(input.tracks, rig, solved->evaluated)), &*solved);
   *refused = std::move(solved->refused);
   NoteUnused(rig, counts, *refused, &*solved);

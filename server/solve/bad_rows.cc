@@ -235,7 +235,10 @@ absl::Status LeaveOutBadRows(const std::vector<ClockCorrection>& clocks,
   RigObservations rest = WithoutRows(*rig, bad.rows);
   RefusalCounter with = *refused;
   for (size_t t = 0; t < rig->tracks.size(); ++t) {
-    with.Add(rig->tracks[t].track.camera.camera, RefusalReason::kOutlier, bad.rows[t].size(),
+    const ObservationTable& table = rig->tracks[t].track.observations;
+    uint64_t markers = 0;
+    for (const size_t row : bad.rows[t]) markers += static_cast<uint64_t>(table.VisibleCount(row));
+    with.Add(rig->tracks[t].track.camera.camera, RefusalReason::kOutlier, markers,
              "rows in which it sees something else (see findings)");
   }
   absl::StatusOr<Solved> again = SolveAndReport(

@@ -217,6 +217,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   const std::map<std::string, CameraCounts> counts = CountInput(input);
   RIGCAL_RETURN_IF_ERROR(CheckReadRows(counts, input.refused));
   RIGCAL_RETURN_IF_ERROR(CheckCameras(counts, options));
+  RIGCAL_RETURN_IF_ERROR(CheckMarkersTogether(input));
   RIGCAL_RETURN_IF_ERROR(CheckImageSizes(input.tracks));
   RIGCAL_RETURN_IF_ERROR(CheckColumns(input.tracks));
   std::ranges::copy(FindingsOf(UseRepeatedRowsOnce(&input.tracks, refused)),

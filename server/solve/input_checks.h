@@ -31,6 +31,9 @@ bool IsUnread(RefusalReason reason);
 absl::Status CheckReadRows(const std::map<std::string, CameraCounts>& counts,
                            const std::vector<Refusal>& refused);
 
+// FAILED_PRECONDITION: of a wand no camera ever saw two markers in one row.
+absl::Status CheckMarkersTogether(const CalibrationInput& input);
+
 // INVALID_ARGUMENT: many markers of a camera lie outside of the image that its description states,
 // or all of them in its first pixels.
 absl::Status CheckImageSizes(const std::vector<CameraTrack>& tracks);

@@ -53,7 +53,8 @@ void Freeze(double from, DoctorPatient* patient) {
     const double share = 1e-9 * static_cast<double>(row.time_ns - first_ns) / span_s;
     if (share < from) continue;
     if (frozen != nullptr) row.markers = frozen->markers;
-    if (frozen == nullptr && row.VisibleCount() == static_cast<int>(row.markers.size())) frozen = &row;
+    if (frozen == nullptr && row.VisibleCount() == static_cast<int>(row.markers.size()))
+      frozen = &row;
   }
 }
 
@@ -129,10 +130,12 @@ Disturbance OfCopy(const std::string& name, const std::function<void(DoctorPatie
 }
 
 Disturbance OfJitter(const std::string& name, bool one_sided, bool all) {
-  return OfTrack(name, {FindingKind::kStampsJitter}, all,
-                 [one_sided](uint32_t seed, server::CameraTrack* track) {
-                   StampArrivals(seed, one_sided, 0.02, track);
-                 });
+  Disturbance jitter = OfTrack(name, {FindingKind::kStampsJitter}, all,
+                               [one_sided](uint32_t seed, server::CameraTrack* track) {
+                                 StampArrivals(seed, one_sided, 0.02, track);
+                               });
+  jitter.of_clock = true;  // arrivals are late on average
+  return jitter;
 }
 
 Disturbance Fixed(const std::string& name, bool wand, bool lenses) {

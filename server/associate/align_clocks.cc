@@ -12,6 +12,7 @@
 #include "absl/numeric/int128.h"
 #include "absl/strings/str_cat.h"
 #include "common/statistics/robust_statistics.h"
+#include "server/associate/far_clocks.h"
 #include "server/associate/light_clocks.h"
 
 namespace rigcal::server {
@@ -184,6 +185,7 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
     const std::set<std::string>& bases = timebases[track.session_id];
     if (bases.size() == 1 && !bases.begin()->empty()) offsets[key_of(track)] = {};
   }
+  BringFarClocksTogether(clean, &offsets, faults);
   RelateByLight(tracks, &offsets, faults);
   std::vector<AlignedTrack> aligned;
   for (CleanTrack& track : clean) {

@@ -43,7 +43,8 @@ struct AlignedTrack {
 // Chooses for each camera and session the clock epochs that can be solved, and aligns them.
 //
 // Within a session whose clocks follow one time base, every epoch keeps offset 0: StraightenClocks
-// has seen to it that they can. In any other session rig time is the
+// has seen to it that they can; those that count from another beginning are brought beside the
+// others (far_clocks.h). In any other session rig time is the
 // server's UTC: an epoch of a clock with samples gets the median of host UTC minus device time,
 // plus the host's own alignment with the server. Everything else is rejected and counted as
 // `clock_epoch_without_offset`. Epochs that have read a wand's light code are related by it

@@ -16,11 +16,4 @@ namespace rigcal::server {
 std::vector<StampFault> UseRepeatedRowsOnce(std::vector<CameraTrack>* tracks,
                                             RefusalCounter* refused);
 
-// Pairs of cameras of a session with the same markers at the same pixels in row after row, as where
-// one camera's file was copied under another's name: at least twenty rows and a tenth of one
-// camera's, all of them at one distance in time. Each camera is named once, with the first one that
-// it has its rows in common with. Rows that a camera has several times, as of a target at rest, say
-// nothing.
-std::vector<StampFault> FindCopiedRows(const std::vector<CameraTrack>& tracks);
-
 }  // namespace rigcal::server

@@ -15,6 +15,8 @@ struct StampFault {
     kTwice,       // rows that come several times; size: how many were taken away
     kAtOrigin,    // markers at (0, 0), taken as not seen; size: how many
     kCopied,      // rows that another camera has as well; size: their share, percent
+    kFrozen,      // rows that show the row before again; size: their share, percent
+    kFarClock,    // it counts from another beginning; size: its offset, milliseconds
     kLightContradicts,  // of its readings of a wand's light code, those of others; size: percent
     kOtherWand,         // it has read the light code of another wand; size: that one's number
     kSetByLight,        // its clock was set by a wand's light code; size: by how much, seconds

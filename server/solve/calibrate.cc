@@ -17,11 +17,13 @@
 #include "absl/strings/string_view.h"
 #include "common/status/status_macros.h"
 #include "common/target/target_words.h"
+#include "server/associate/far_clocks.h"
 #include "server/associate/repeated_rows.h"
 #include "server/associate/stamp_units.h"
 #include "server/associate/static_points.h"
 #include "server/associate/straight_clocks.h"
 #include "server/associate/unseen_markers.h"
+#include "server/solve/bad_rows.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/motion_evidence.h"
 #include "server/solve/derivation.h"
@@ -39,6 +41,7 @@
 #include "server/solve/misfit_causes.h"
 #include "server/solve/solve_and_report.h"
 #include "server/solve/spoiling_camera.h"
+#include "server/solve/unsound_rows.h"
 #include "server/solve/unused_views.h"
 
 namespace rigcal::server {
@@ -214,18 +217,21 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   const std::map<std::string, CameraCounts> counts = CountInput(input);
   RIGCAL_RETURN_IF_ERROR(CheckReadRows(counts, input.refused));
   RIGCAL_RETURN_IF_ERROR(CheckCameras(counts, options));
+  RIGCAL_RETURN_IF_ERROR(CheckMarkersTogether(input));
   RIGCAL_RETURN_IF_ERROR(CheckImageSizes(input.tracks));
   RIGCAL_RETURN_IF_ERROR(CheckColumns(input.tracks));
   std::ranges::copy(FindingsOf(UseRepeatedRowsOnce(&input.tracks, refused)),
                     std::back_inserter(of_stamps));
-  const std::vector<Finding> copied = FindingsOf(FindCopiedRows(input.tracks));
-  std::ranges::copy(copied, std::back_inserter(of_stamps));
   RigObservations rig;
   rig.target = input.target;
   rig.other_targets = input.other_targets;
   const auto target_of = [&rig](const std::string& session_id) -> const Target& {
     return rig.TargetOf(session_id);
   };
+  RIGCAL_ASSIGN_OR_RETURN(const UnsoundRows unsound,
+                          TakeUnsoundRows(options, target_of, &input, refused));
+  std::ranges::copy(unsound.findings, std::back_inserter(of_stamps));
+  const std::string far_clocks = DescribeFarClocks(input.tracks);
   MotionEvidence evidence(input.tracks, target_of);
   std::ranges::copy(FindingsOf(StraightenClocks(&input.tracks, refused, std::ref(evidence))),
                     std::back_inserter(of_stamps));
@@ -235,15 +241,18 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   std::ranges::copy(FindingsOf(of_lights), std::back_inserter(of_stamps));
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
-  RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));
+  RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts, unsound.left_out));
   RIGCAL_RETURN_IF_ERROR(CheckMotion(rig));
 
   RigSolveOptions solve = SolveOptionsOf(rig, options, hooks, counts);
   absl::StatusOr<Solved> solved = SolveAndReport(rig, clocks, solve, options, counts, *refused);
-  if (absl::IsFailedPrecondition(solved.status()) && !copied.empty()) {
-    return absl::FailedPreconditionError(absl::StrCat("camera ", copied.front().camera, ": ",
-                                                      copied.front().advice, ". (",
-                                                      std::string(solved.status().message()), ")"));
+  if (absl::IsFailedPrecondition(solved.status()) &&
+      (!unsound.findings.empty() || !far_clocks.empty())) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        unsound.findings.empty() ? far_clocks
+                                 : absl::StrCat("camera ", unsound.findings.front().camera, ": ",
+                                                unsound.findings.front().advice),
+        ". (", std::string(solved.status().message()), ")"));
   }
   RIGCAL_ASSIGN_OR_RETURN(const std::shared_ptr<const HeldRig> held,
                           HeldRigOf(options, input.parent ? &*input.parent : nullptr, rig.index));
@@ -298,16 +307,18 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
         absl::StrCat(spans, ". (", std::string(solved.status().message()), ")"));
   }
   RIGCAL_RETURN_IF_ERROR(solved.status());
-  AddFindings(of_stamps, &*solved);
   // Where a camera spoils the others, nothing is said about clocks and lenses.
   if (odd.kind == FindingKind::kUnspecified) {
     std::vector<Finding> chosen;
+    RIGCAL_RETURN_IF_ERROR(
+        LeaveOutBadRows(clocks, options, hooks, counts, held, refused, &rig, &*solved, &chosen));
     RIGCAL_RETURN_IF_ERROR(
         FollowClocks(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
     RIGCAL_RETURN_IF_ERROR(
         ChooseLenses(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
     AddFindings(std::move(chosen), &*solved);
   }
+  AddFindings(of_stamps, &*solved);
   AddFindings(FindLampContradictions(LampPhasesOf(input.tracks, rig, solved->evaluated)), &*solved);
   *refused = std::move(solved->refused);
   NoteUnused(rig, counts, *refused, &*solved);
@@ -320,16 +331,16 @@ void SpeakOfTarget(const Target& target, absl::StatusOr<CalibrationResult>* resu
   if (!result->ok()) {
     const absl::Status& status = result->status();
     absl::Status spoken(status.code(), SpeakOf(target, std::string(status.message())));
-    status.ForEachPayload([&](absl::string_view url, const absl::Cord& payload) {
-      spoken.SetPayload(url, payload);
-    });
+    status.ForEachPayload(
+        [&](absl::string_view url, const absl::Cord& payload) { spoken.SetPayload(url, payload); });
     *result = std::move(spoken);
     return;
   }
   for (Finding& finding : (*result)->findings) {
     finding.advice = SpeakOf(target, std::move(finding.advice));
   }
-  for (std::string& reason : (*result)->quality.reasons) reason = SpeakOf(target, std::move(reason));
+  for (std::string& reason : (*result)->quality.reasons)
+    reason = SpeakOf(target, std::move(reason));
 }
 
 }  // namespace

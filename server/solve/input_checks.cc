@@ -212,6 +212,30 @@ absl::Status CheckColumns(const std::vector<CameraTrack>& tracks) {
   return absl::OkStatus();
 }
 
+absl::Status CheckMarkersTogether(const CalibrationInput& input) {
+  const bool is_wand = input.target.kind == TargetKind::kWand;
+  if (!is_wand || !input.other_targets.empty()) return absl::OkStatus();
+  size_t views = 0, most = 0;
+  std::set<size_t> seen;
+  for (const CameraTrack& track : input.tracks) {
+    for (const Observation& row : track.observations) {
+      const auto count = static_cast<size_t>(row.VisibleCount());
+      if (count == 0) continue;
+      ++views;
+      most = std::max(most, count);
+      for (size_t m = 0; m < row.markers.size(); ++m) {
+        if (row.markers[m].visible) seen.insert(m);
+      }
+    }
+  }
+  if (most != 1) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "no camera ever saw two markers of the wand at once: all ", views, " wand views show one (",
+      "marker ", absl::StrJoin(seen, ", "),
+      "). A wand's lengths are between its markers: look at "
+      "the detector and at what its rows leave out, or wave one marker (--target point)"));
+}
+
 absl::Status CheckImageSizes(const std::vector<CameraTrack>& tracks) {
   for (const CameraTrack& track : tracks) {
     const double width = track.camera.image_size_px.width;
@@ -257,12 +281,16 @@ absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
                      counts.empty() ? "" : absl::StrCat(" (", counts.begin()->first, ")"),
                      ": record with every camera of the rig in one session"));
   }
+  std::vector<std::string> blind;
   for (const auto& [camera, count] : counts) {
-    if (count.wand_count > 0) continue;
+    if (count.wand_count == 0) blind.push_back(camera);
+  }
+  if (!blind.empty()) {
     return absl::FailedPreconditionError(absl::StrCat(
-        "camera ", camera, " never saw the wand (", count.observation_count,
-        " observations, 0 with a visible marker): wave the wand where it can see it, check its "
-        "detector, or calibrate without it"));
+        "camera ", blind.front(), " never saw the wand (",
+        counts.at(blind.front()).observation_count, " observations, 0 with a visible marker",
+        blind.size() == 1 ? "" : absl::StrCat("; nor did ", blind.size() - 1, " other cameras"),
+        "): wave the wand where it can see it, check its detector, or calibrate without it"));
   }
   if (options.known_distance) {
     for (const std::string* camera :
@@ -282,8 +310,10 @@ absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
   return absl::OkStatus();
 }
 
-absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts) {
+absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts,
+                         const std::set<std::string>& left_out) {
   for (const auto& [camera, count] : counts) {
+    if (left_out.contains(camera)) continue;
     if (std::ranges::find(index.cameras, camera, &CameraDescription::camera) !=
         index.cameras.end()) {
       continue;

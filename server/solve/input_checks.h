@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <string>
 
 #include "absl/status/status.h"
@@ -30,6 +31,9 @@ bool IsUnread(RefusalReason reason);
 absl::Status CheckReadRows(const std::map<std::string, CameraCounts>& counts,
                            const std::vector<Refusal>& refused);
 
+// FAILED_PRECONDITION: of a wand no camera ever saw two markers in one row.
+absl::Status CheckMarkersTogether(const CalibrationInput& input);
+
 // INVALID_ARGUMENT: many markers of a camera lie outside of the image that its description states,
 // or all of them in its first pixels.
 absl::Status CheckImageSizes(const std::vector<CameraTrack>& tracks);
@@ -42,8 +46,10 @@ absl::Status CheckColumns(const std::vector<CameraTrack>& tracks);
 absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
                           const CalibrationOptions& options);
 
-// FAILED_PRECONDITION: a camera of which nothing is left after cleaning and aligning.
-absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts);
+// FAILED_PRECONDITION: a camera of which nothing is left after cleaning and aligning, but for those
+// that were left out.
+absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts,
+                         const std::set<std::string>& left_out);
 
 // FAILED_PRECONDITION: a camera in whose image the wand stayed at one place.
 absl::Status CheckMotion(const RigObservations& rig);

@@ -41,6 +41,10 @@ FindingKind KindOf(StampFault::Kind kind) {
       return FindingKind::kRowsRepeated;
     case StampFault::Kind::kCopied:
       return FindingKind::kRowsCopied;
+    case StampFault::Kind::kFrozen:
+      return FindingKind::kRowsFrozen;
+    case StampFault::Kind::kFarClock:
+      return FindingKind::kClockFoundByMotion;
     case StampFault::Kind::kAtOrigin:
       return FindingKind::kMarkersAtOrigin;
     case StampFault::Kind::kLightContradicts:
@@ -65,9 +69,12 @@ const char* UnitOf(StampFault::Kind kind) {
       return "rows";
     case StampFault::Kind::kAtOrigin:
       return "markers";
+    case StampFault::Kind::kFarClock:
+      return "ms";
     case StampFault::Kind::kRepeat:
     case StampFault::Kind::kBursts:
     case StampFault::Kind::kCopied:
+    case StampFault::Kind::kFrozen:
     case StampFault::Kind::kLightContradicts:
     case StampFault::Kind::kWandRate:
       return "%";
@@ -75,6 +82,18 @@ const char* UnitOf(StampFault::Kind kind) {
       return "";
   }
   return "";
+}
+
+// Something else says why views have no other camera's beside them.
+bool IsExplained(const std::map<std::string, CameraCounts>& counts,
+                 const CalibrationResult& result) {
+  for (const auto& [name, count] : counts) {
+    if (std::ranges::count(result.cameras, name, &CalibratedCamera::camera) == 0) return true;
+  }
+  return std::ranges::any_of(result.findings, [](const Finding& finding) {
+    return finding.kind == FindingKind::kRowsCopied || finding.kind == FindingKind::kRowsFrozen ||
+           finding.kind == FindingKind::kStampsJitter;
+  });
 }
 
 }  // namespace
@@ -99,10 +118,12 @@ std::vector<UnusedViews> CountUnusedViews(const std::map<std::string, CameraCoun
 
 void NoteUnusedViews(const std::map<std::string, CameraCounts>& counts,
                      const std::vector<Refusal>& refused, CalibrationResult* result) {
+  const bool is_explained = IsExplained(counts, *result);
   for (const UnusedViews& views : CountUnusedViews(counts, refused)) {
     // A camera that was left out has a finding of its own.
     if (std::ranges::count(result->cameras, views.camera, &CalibratedCamera::camera) == 0) continue;
     if (views.most == nullptr || views.all == 0) continue;
+    if (is_explained && views.most->reason == RefusalReason::kAloneInInstant) continue;
     const double share = static_cast<double>(views.lost) / static_cast<double>(views.all);
     if (share <= kGoodWithoutViews) continue;
     Finding& finding = result->findings.emplace_back();

@@ -28,7 +28,7 @@ constexpr CauseFunction kCauses[] = {FindClockOffsets,   FindPriorIntrinsics, Fi
                                      FindFlippedMarkers, FindWrongWandLength, FindWrongTargetShape,
                                      FindUnseenEdges,    FindWeakLinks,       FindNarrowBaselines,
                                      FindLoosePoses,     FindTooLittleData,   FindOutliersInSpan,
-                                     FindOddCameras};
+                                     FindOddCameras,     FindStampJitter};
 
 void Append(std::vector<Cause> from, std::vector<Cause>* to) {
   to->insert(to->end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
@@ -145,6 +145,19 @@ Finding AsCandidate(const Cause& cause) {
   return finding;
 }
 
+// Rows whose times scatter look like noise, and like image rows that are taken one after the other.
+void DropWhatJitterExplains(std::vector<Cause>* causes) {
+  std::set<std::string> jittered;
+  for (const Cause& cause : *causes) {
+    if (cause.finding.kind == FindingKind::kStampsJitter) jittered.insert(cause.finding.camera);
+  }
+  std::erase_if(*causes, [&jittered](const Cause& cause) {
+    const FindingKind kind = cause.finding.kind;
+    return (kind == FindingKind::kRollingShutter || kind == FindingKind::kNoisyCamera) &&
+           jittered.contains(cause.finding.camera);
+  });
+}
+
 }  // namespace
 
 Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
@@ -158,6 +171,7 @@ Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated
     for (const CauseFunction find : kCauses) {
       Append(find({rig, evaluated, result, trial}), &found.causes);
     }
+    DropWhatJitterExplains(&found.causes);
     // More data would not mend what spoils those that are there.
     if (explained && evaluated.predicted.holds) {
       std::erase_if(found.causes, [](const Cause& cause) {

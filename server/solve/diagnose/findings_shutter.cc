@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_format.h"
 #include "server/solve/diagnose/finding_causes.h"
+#include "server/solve/rig/stamp_jitter.h"
 
 namespace rigcal::server {
 namespace {
@@ -37,6 +38,12 @@ BundleProblem WithLineDelays(const CauseInput& input, bool keep_drift) {
   return problem;
 }
 
+// Stamps that scatter from row to row bend what image rows explain.
+bool JitterOf(const BundleProblem& problem) {
+  return !problem.HasRigidTarget() &&
+         std::ranges::any_of(MeasureStampJitter(problem), &StampJitter::StandsOut);
+}
+
 std::string Advice(double line_time_s, double sigma_s, double rows, const ErrorChange& change) {
   return absl::StrFormat(
       "its image rows are taken one after the other, %.2f us apart (+-%.2f us), %.1f ms over the "
@@ -52,6 +59,7 @@ Repair RepairRollingShutters(const CauseInput& input) {
   Repair repair;
   // Where line delays are estimated they are taken out.
   if (!input.evaluated.options.estimate_line_delays.empty()) return repair;
+  if (JitterOf(input.evaluated.solution.built.problem)) return repair;
   BundleProblem rolling = WithLineDelays(input, true);
   if (!SolveTrialFromAfar(input.trial.bundle, &rolling).ok()) return repair;
   if (input.evaluated.options.estimate_time_rates) {

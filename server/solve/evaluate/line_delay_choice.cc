@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/evaluate/line_delay_choice.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -11,6 +12,7 @@
 #include "server/solve/rig/outliers.h"
 #include "server/solve/rig/put_away.h"
 #include "server/solve/rig/rig_solver.h"
+#include "server/solve/rig/stamp_jitter.h"
 
 namespace rigcal::server {
 namespace {
@@ -23,6 +25,8 @@ constexpr double kShutterSigmas = 8, kMinReadoutS = 2e-3;
 
 absl::Status TryLineDelays(const RigObservations& rig, RigSolveOptions* options,
                            RigSolution* solution) {
+  const std::vector<StampJitter> jitter = MeasureStampJitter(solution->built.problem);
+  if (std::ranges::any_of(jitter, &StampJitter::StandsOut)) return absl::OkStatus();
   std::vector<int> heights_px;
   for (const CameraDescription& camera : rig.index.cameras) {
     heights_px.push_back(camera.image_size_px.height);

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "server/associate/copied_rows.h"
 
 namespace rigcal::server {
 namespace {
@@ -160,8 +161,23 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
                                                 "findings)",
                                                 who, finding.value)};
     case FindingKind::kRowsCopied:
-      if (!camera) return warning("");
-      return {FindingSeverity::kError, absl::StrCat(who, " has the same rows as another camera")};
+      // Whose the rows are that are left nobody knows.
+      if (finding.value >= kWholeCopyPercent) {
+        return {FindingSeverity::kError, absl::StrCat(who, " has the same rows as another camera")};
+      }
+      return warning(absl::StrFormat("%s: %.0f %% of its wand views are another camera's, too", who,
+                                     finding.value));
+    case FindingKind::kRowsFrozen:
+      return warning(absl::StrFormat("%s: %.0f %% of its wand views are one frozen image", who,
+                                     finding.value));
+    case FindingKind::kStampsJitter:
+      return warning(absl::StrFormat("%s: its time stamps scatter by %.1f ms", who, finding.value));
+    case FindingKind::kOutliersInCamera:
+      return warning(
+          absl::StrFormat("%s: %.0f %% of its wand views show something else", who, finding.value));
+    case FindingKind::kSecondWandSeen:
+      return warning(
+          absl::StrFormat("%s sees another wand in %.0f %% of its rows", who, finding.value));
     case FindingKind::kLightCodeContradicts:
       return warning(
           absl::StrCat(who, ": its readings of the wand's light code contradict others"));

@@ -115,6 +115,7 @@ std::vector<Disturbance> AllDisturbances() {
   Append(WandDisturbances(), &list);
   Append(LensDisturbances(), &list);
   Append(RowDisturbances(), &list);
+  Append(SickCameraDisturbances(), &list);
   Append(Combinations(list), &list);
   return list;
 }

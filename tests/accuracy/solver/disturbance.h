@@ -41,6 +41,9 @@ std::vector<Disturbance> WandDisturbances();
 std::vector<Disturbance> LensDisturbances();
 // Rolling shutters, flipped labels, lost rows.
 std::vector<Disturbance> RowDisturbances();
+// Files that are copied, frozen images, second wands, stamps of arrival, what is kept though it is
+// wrong.
+std::vector<Disturbance> SickCameraDisturbances();
 
 // All of these, wrong wands, too little data, and some of them together. The first one is the clean
 // recording.

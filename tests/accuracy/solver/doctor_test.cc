@@ -129,5 +129,35 @@ TEST(DoctorTest, WrongSpacingIsNamedAndNotUsable) {
   EXPECT_GT(diagnosis.error_rel, 0.01);
 }
 
+TEST(DoctorTest, ACopiedFileIsNamedAndBad) {
+  const Diagnosis diagnosis = DiagnoseSimulated("file copied", kFirstSeed);
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_THAT(diagnosis.wrong, IsEmpty());
+  EXPECT_EQ(diagnosis.grade, QualityGrade::kBad);
+}
+
+TEST(DoctorTest, ADetectorThatIsOftenWrongIsNamedAndTheRestIsUsable) {
+  const Diagnosis diagnosis = DiagnoseSimulated("30 % outliers", kFirstSeed);
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_THAT(diagnosis.wrong, IsEmpty());
+  EXPECT_EQ(diagnosis.grade, QualityGrade::kUsable);
+  EXPECT_LT(diagnosis.error_rel, 0.001);
+}
+
+TEST(DoctorTest, ASecondWandIsNamedAndTheRestIsUsable) {
+  const Diagnosis diagnosis = DiagnoseSimulated("second wand in 30 % of two", kFirstSeed);
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_THAT(diagnosis.wrong, IsEmpty());
+  EXPECT_EQ(diagnosis.grade, QualityGrade::kUsable);
+  EXPECT_LT(diagnosis.error_rel, 0.001);
+}
+
+TEST(DoctorTest, StampsOfArrivalAreNoRollingShutter) {
+  const Diagnosis diagnosis = DiagnoseSimulated("stamps 20 ms late, one", kFirstSeed);
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_FALSE(diagnosis.kinds.contains(FindingKind::kRollingShutter));
+  EXPECT_THAT(diagnosis.wrong, IsEmpty());
+}
+
 }  // namespace
 }  // namespace rigcal::accuracy::doctor_test

@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <random>
 #include <string>
 #include <vector>
@@ -36,11 +35,6 @@ CameraTrack TrackOf(const std::string& camera, int seed) {
     }
     track.observations.push_back(row);
   }
-  return track;
-}
-
-CameraTrack Named(CameraTrack track, const std::string& camera) {
-  track.camera.camera = camera;
   return track;
 }
 
@@ -104,63 +98,6 @@ TEST(UseRepeatedRowsOnce, OtherRowsAtTheSameStampsStay) {
   EXPECT_THAT(UseRepeatedRowsOnce(&tracks, &refused), IsEmpty());
   EXPECT_THAT(tracks[0].observations, SizeIs(2 * kRows));
   EXPECT_TRUE(refused.empty());
-}
-
-TEST(FindCopiedRows, OneCamerasFileUnderAnothersNameIsNamed) {
-  const CameraTrack a = TrackOf("a", 1);
-  const std::vector<StampFault> faults = FindCopiedRows({a, TrackOf("b", 2), Named(a, "c")});
-  ASSERT_THAT(faults, SizeIs(1));
-  EXPECT_EQ(faults[0].kind, StampFault::Kind::kCopied);
-  EXPECT_EQ(faults[0].camera, "c");
-  EXPECT_EQ(faults[0].size, 100);
-  EXPECT_THAT(faults[0].what, HasSubstr("the same rows as a: 180 of its 180 wand views"));
-  EXPECT_THAT(faults[0].what, HasSubstr("at the same times"));
-}
-
-TEST(FindCopiedRows, ACopyWithAnotherClockOrAPartOfOneIsNamed) {
-  CameraTrack copy = Named(TrackOf("a", 1), "b");
-  const CameraTrack own = TrackOf("b", 2);
-  for (size_t i = 0; i < copy.observations.size(); ++i) {
-    if (i % 3 != 0) copy.observations[i] = own.observations[i];
-    copy.observations[i].time_ns += 500'000'000;
-  }
-  const std::vector<StampFault> faults = FindCopiedRows({TrackOf("a", 1), copy});
-  ASSERT_THAT(faults, SizeIs(1));
-  EXPECT_THAT(faults[0].what, HasSubstr("the same rows as a: 60 of its 180 wand views"));
-  EXPECT_THAT(faults[0].what, HasSubstr("0.5 s later"));
-}
-
-TEST(FindCopiedRows, SoundCamerasAreNotNamed) {
-  EXPECT_THAT(FindCopiedRows({TrackOf("a", 1), TrackOf("b", 2), TrackOf("c", 3)}), IsEmpty());
-  EXPECT_THAT(FindCopiedRows({}), IsEmpty());
-  // The same camera in another session is no other camera.
-  CameraTrack later = TrackOf("a", 1);
-  later.session_id = "t";
-  EXPECT_THAT(FindCopiedRows({TrackOf("a", 1), later}), IsEmpty());
-}
-
-TEST(FindCopiedRows, ATargetAtRestAndAHandfulOfEqualRowsSayNothing) {
-  CameraTrack a = TrackOf("a", 1), b = TrackOf("b", 2);
-  for (size_t i = 0; i < 15; ++i) b.observations[i] = a.observations[i];
-  EXPECT_THAT(FindCopiedRows({a, b}), IsEmpty());
-  for (CameraTrack* track : {&a, &b}) {
-    for (Observation& row : track->observations) {
-      for (MarkerObservation& marker : row.markers) marker.centre_px = {320, 240};
-    }
-  }
-  EXPECT_THAT(FindCopiedRows({a, b}), IsEmpty());
-}
-
-// Whole pixels of one marker meet by chance in long recordings, at any distance in time.
-TEST(FindCopiedRows, PixelsThatMeetByChanceAreNoCopy) {
-  std::vector<CameraTrack> tracks = {TrackOf("a", 1), TrackOf("b", 2)};
-  for (CameraTrack& track : tracks) {
-    for (Observation& row : track.observations) {
-      row.markers.resize(1);
-      for (double& value_px : row.markers[0].centre_px) value_px = std::floor(value_px / 50);
-    }
-  }
-  EXPECT_THAT(FindCopiedRows(tracks), IsEmpty());
 }
 
 }  // namespace

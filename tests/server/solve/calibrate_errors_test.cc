@@ -65,6 +65,32 @@ TEST(CalibrateErrors, AWandThatWasHardlyMovedIsNamedWithWhereItWas) {
                              HasSubstr("turning and moving it in depth"))));
 }
 
+TEST(CalibrateErrors, OneMarkerOfAWandIsNoWand) {
+  CalibrationInput input = Input("cameras=3;duration=20");
+  for (CameraTrack& track : input.tracks) {
+    for (Observation& row : track.observations) {
+      for (size_t m = 1; m < row.markers.size(); ++m) row.markers[m].visible = false;
+    }
+  }
+  EXPECT_THAT(Calibrate(input, {}).result,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("two markers of the wand at once"), HasSubstr("marker 0)"),
+                             HasSubstr("--target point"))));
+}
+
+TEST(CalibrateErrors, CamerasThatSawNothingAreCounted) {
+  CalibrationInput input = Input("cameras=3;duration=20");
+  for (CameraTrack& track : input.tracks) {
+    for (Observation& row : track.observations) {
+      for (MarkerObservation& marker : row.markers) marker.visible = false;
+    }
+  }
+  EXPECT_THAT(Calibrate(input, {}).result,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("camera sim_0 never saw the wand"),
+                             HasSubstr("nor did 2 other cameras"))));
+}
+
 TEST(CalibrateErrors, ACameraThatContradictsAllOthersIsNamedWithTheLikelyCauses) {
   // Of three, none is left out: two are no rig to judge the third by.
   CalibrationInput input = Input("cameras=3;duration=20");

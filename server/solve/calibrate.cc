@@ -92,6 +92,12 @@ void AddFindings(std::vector<Finding> findings, Solved* solved) {
   result.quality = GradeQuality(result, solved->evaluated.predicted);
 }
 
+void CallHooks(const CalibrationHooks& hooks, const RigObservations& rig,
+               const EvaluatedSolution& evaluated) {
+  if (hooks.solved) hooks.solved(rig, evaluated.solution);
+  if (hooks.evaluated) hooks.evaluated(rig, evaluated);
+}
+
 // What is known only once everything that was left out is.
 void NoteUnused(const RigObservations& rig, const std::map<std::string, CameraCounts>& counts,
                 const RefusalCounter& refused, Solved* solved) {
@@ -261,7 +267,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     AddFindings(FindLampContradictions(LampPhasesOf(input.tracks, rig, solved->evaluated)),
                 &*solved);
     NoteUnused(rig, counts, *refused, &*solved);
-    if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
+    CallHooks(hooks, rig, solved->evaluated);
     return Finish(rig, options, input.parent, &*solved);
   } else {
     odd = SpoilingCamera(solved, rig, clocks, solve);
@@ -311,7 +317,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   AddFindings(FindLampContradictions(LampPhasesOf(input.tracks, rig, solved->evaluated)), &*solved);
   *refused = std::move(solved->refused);
   NoteUnused(rig, counts, *refused, &*solved);
-  if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
+  CallHooks(hooks, rig, solved->evaluated);
   return Finish(rig, options, input.parent, &*solved);
 }
 
@@ -320,16 +326,16 @@ void SpeakOfTarget(const Target& target, absl::StatusOr<CalibrationResult>* resu
   if (!result->ok()) {
     const absl::Status& status = result->status();
     absl::Status spoken(status.code(), SpeakOf(target, std::string(status.message())));
-    status.ForEachPayload([&](absl::string_view url, const absl::Cord& payload) {
-      spoken.SetPayload(url, payload);
-    });
+    status.ForEachPayload(
+        [&](absl::string_view url, const absl::Cord& payload) { spoken.SetPayload(url, payload); });
     *result = std::move(spoken);
     return;
   }
   for (Finding& finding : (*result)->findings) {
     finding.advice = SpeakOf(target, std::move(finding.advice));
   }
-  for (std::string& reason : (*result)->quality.reasons) reason = SpeakOf(target, std::move(reason));
+  for (std::string& reason : (*result)->quality.reasons)
+    reason = SpeakOf(target, std::move(reason));
 }
 
 }  // namespace

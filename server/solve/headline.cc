@@ -15,13 +15,16 @@ constexpr double kUnusedNoisePx = 0.3;  // of centres, which the error of a poin
 
 }  // namespace
 
+double PointError::StatedM() const {
+  return AllTogether(by_covariance_m, with_lenses_m, fold_factor);
+}
+
 ErrorBasis PointError::Basis() const {
-  if (!(StatedM() > 0)) return ErrorBasis::kUnknown;
-  if (fold_factor > 1) return ErrorBasis::kFolds;
+  const double stated_m = StatedM(), noise_m = fold_factor * by_covariance_m;
+  if (!(stated_m > 0)) return ErrorBasis::kUnknown;
   // The parts add up in squares.
-  return with_lenses_m * with_lenses_m > 2 * by_covariance_m * by_covariance_m
-             ? ErrorBasis::kLenses
-             : ErrorBasis::kCovariance;
+  if (stated_m * stated_m > 2 * noise_m * noise_m) return ErrorBasis::kLenses;
+  return fold_factor > 1 ? ErrorBasis::kFolds : ErrorBasis::kCovariance;
 }
 
 std::optional<PointError> MeasurePointError(const RigObservations& rig,

@@ -22,7 +22,7 @@ struct PointError {
   double with_lenses_m = 0;    // and what these are off (kept_lenses.h)
   double fold_factor = 1;      // PredictedError::fold_factor
 
-  double StatedM() const { return fold_factor * with_lenses_m; }
+  double StatedM() const;
   ErrorBasis Basis() const;  // what makes most of it
 };
 

@@ -9,7 +9,6 @@
 #include "absl/strings/str_format.h"
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/diagnose/finding_causes.h"
-#include "server/solve/evaluate/attached_point.h"
 #include "server/solve/initialize/shared_views.h"
 
 namespace rigcal::server {
@@ -92,13 +91,13 @@ std::vector<Cause> FindLoosePoses(const CauseInput& input) {
   if (!input.evaluated.uncertainty) return {};
   const std::vector<Sighting> sightings = Sightings(problem);
   // As PredictedError has it: in the frame of the reference camera all others turn with its error.
-  const std::vector<double> sigmas_m = FrameFreeCentreSigmas(
-      problem, WithKeptLenses(*input.evaluated.uncertainty, input.evaluated.lenses_kept),
-      MiddleOfWave(problem));
+  const std::vector<double> sigmas_m =
+      PredictCentreSigmas(problem, *input.evaluated.uncertainty, input.evaluated.lenses_kept,
+                          input.evaluated.predicted.fold_factor);
   std::vector<Cause> causes;
   for (size_t c = 0; c < sightings.size(); ++c) {
     if (sightings[c].distance_m.empty()) continue;
-    const double sigma_m = input.evaluated.predicted.fold_factor * sigmas_m[c];
+    const double sigma_m = sigmas_m[c];
     const double distance_m = UpperMedian(sightings[c].distance_m);
     if (sigma_m <= kLooseSigmaShare * distance_m) continue;
     const size_t partner = Partner(sightings[c]);

@@ -19,7 +19,7 @@ constexpr double kAcceptedShare = 0.01;  // of the distance
 constexpr int64_t kBlockNs = 2'000'000'000;
 constexpr int kMinInstantsOfBlock = 4;
 constexpr size_t kMinFolds = 3;
-constexpr double kFoldChance = 0.01;
+constexpr double kFoldChance = 0.001;
 constexpr double kLeastShare = 0.02, kMostShare = 0.98;  // of the views, in a fold
 
 int UsedInstants(const BundleProblem& problem) {
@@ -170,13 +170,30 @@ PredictedError PredictError(const RigSolution& solution,
   }
   const Eigen::MatrixXd covariance = FrameFreeCentreCovariance(problem, *uncertainty, middle_m);
   error.stated_m = Largest(CentreSigmas(covariance));
-  const double with_lenses_m =
-      Largest(FrameFreeCentreSigmas(problem, WithKeptLenses(*uncertainty, lenses), middle_m));
+  error.fold_factor = MeasureScatter(problem, *uncertainty, covariance, folds, middle_m).Factor();
+  const double with_lenses_m = Largest(PredictCentreSigmas(problem, *uncertainty, lenses, 1));
   error.by_lenses_m =
       std::sqrt(std::max(0.0, std::pow(with_lenses_m, 2) - std::pow(error.stated_m, 2)));
-  error.fold_factor = MeasureScatter(problem, *uncertainty, covariance, folds, middle_m).Factor();
-  error.sigma_m = error.fold_factor * std::max(error.stated_m, with_lenses_m);
+  error.sigma_m = Largest(PredictCentreSigmas(problem, *uncertainty, lenses, error.fold_factor));
   return error;
+}
+
+double AllTogether(double by_covariance, double with_lenses, double fold_factor) {
+  const double by_lenses = std::max(0.0, with_lenses * with_lenses - by_covariance * by_covariance);
+  return std::sqrt(std::pow(fold_factor * by_covariance, 2) + by_lenses);
+}
+
+std::vector<double> PredictCentreSigmas(const BundleProblem& problem,
+                                        const RigUncertainty& uncertainty, const KeptLenses& lenses,
+                                        double fold_factor) {
+  const Eigen::Vector3d middle_m = MiddleOfWave(problem);
+  std::vector<double> sigmas_m = FrameFreeCentreSigmas(problem, uncertainty, middle_m);
+  const std::vector<double> with_lenses_m =
+      FrameFreeCentreSigmas(problem, WithKeptLenses(uncertainty, lenses), middle_m);
+  for (size_t c = 0; c < sigmas_m.size(); ++c) {
+    sigmas_m[c] = AllTogether(sigmas_m[c], with_lenses_m[c], fold_factor);
+  }
+  return sigmas_m;
 }
 
 }  // namespace rigcal::server

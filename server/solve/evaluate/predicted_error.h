@@ -39,7 +39,7 @@ struct PredictedError {
   double stated_m = 0;     // by the covariance
   double by_lenses_m = 0;  // what intrinsics that were kept add in squares (kept_lenses.h)
   // As large as this, by the covariance, are errors by which parts of the data would differ as
-  // these do. At least 1: larger only where chance would not do it in one rig of a hundred.
+  // these do. At least 1: larger only where chance would not do it in one rig of a thousand.
   double fold_factor = 1;
   double accepted_m = 0;
   double distance_m = 0;  // of the cameras from the middle of the waved volume, median
@@ -58,7 +58,7 @@ struct FoldScatter {
   // Of the squares, as of a sum of so many independent ones.
   double degrees_of_freedom = 0;
 
-  // The root of their ratio, where it is larger than chance makes it in one of a hundred; else 1.
+  // The root of their ratio, where it is larger than chance makes it in one of a thousand; else 1.
   double Factor() const;
 };
 
@@ -77,5 +77,14 @@ PredictedError PredictError(const RigSolution& solution,
 
 // The middle of the waved volume: medians of the placed targets' origins, frame rig. Metres.
 Eigen::Vector3d MiddleOfWave(const BundleProblem& problem);
+
+// An error by the covariance and the same with what kept lenses add, where parts of the data
+// scatter by `fold_factor` more than the covariance says. Lenses are no part of that scatter.
+double AllTogether(double by_covariance, double with_lenses, double fold_factor);
+
+// By camera: one sigma of its position as of PredictedError, all together.
+std::vector<double> PredictCentreSigmas(const BundleProblem& problem,
+                                        const RigUncertainty& uncertainty, const KeptLenses& lenses,
+                                        double fold_factor);
 
 }  // namespace rigcal::server

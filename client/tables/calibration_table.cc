@@ -347,6 +347,22 @@ std::string FormatResult(const v1::Calibration& calibration) {
       FormatScaleSources(calibration));
 }
 
+// What makes most of the expected error, a line of its own.
+std::string BasisWords(v1::Headline::ErrorBasis basis) {
+  switch (basis) {
+    case v1::Headline::ERROR_BASIS_COVARIANCE:
+      return "                   from the covariance: the noise of the data\n";
+    case v1::Headline::ERROR_BASIS_LENSES:
+      return "                   from the change with the lenses: those given were kept, and are "
+             "off\n";
+    case v1::Headline::ERROR_BASIS_FOLDS:
+      return "                   from the folds: parts of the data differ by more than their "
+             "noise\n";
+    default:
+      return "";
+  }
+}
+
 std::string StateWords(const v1::Calibration& calibration) {
   return absl::StrCat(EnumWord(calibration.state()),
                       calibration.progress().not_responding() ? ", not responding" : "");
@@ -368,6 +384,7 @@ std::string FormatHeadlineFigures(const v1::Calibration& calibration) {
     absl::StrAppend(&text, "expected error     ", is_bad ? "at least " : "",
                     FormatPointError(headline.point_error_m(), target.scale_sigma_rel()),
                     is_bad ? ": it is graded bad\n" : ", in 95 % of the waved places\n",
+                    BasisWords(headline.point_error_basis()),
                     advice.empty() ? "" : absl::StrCat("                   ", advice, "\n"));
   }
   absl::StrAppend(&text, "reprojection error ", FormatFixed(headline.used_mean_px(), 3),

@@ -162,6 +162,10 @@ struct Quality {
   double accepted_error_m = 0;
 };
 
+// What makes most of an expected error: the noise of the data, given intrinsics that were kept, or
+// what parts of the data disagree by beyond their noise.
+enum class ErrorBasis : uint8_t { kUnknown = 0, kCovariance = 1, kLenses = 2, kFolds = 3 };
+
 // How good a calibration is, in few numbers.
 struct Headline {
   // Of a point by the calibration alone, after the best alignment and at the right scale: this or
@@ -169,6 +173,7 @@ struct Headline {
   double point_error_m = 0;
   double used_mean_px = 0;  // reprojection error of the markers that were used
   double unused_share = 0;  // of all cameras' wand views
+  ErrorBasis point_error_basis = ErrorBasis::kUnknown;
 };
 
 // The box, along the axes of the rig frame, in which nearly all of the wand's ends were (the
@@ -204,9 +209,9 @@ struct CalibrationResult {
   // of cam_from_rig (3, metres) unless it is the reference camera; then, if they were refined, its
   // intrinsics (fx fy cx cy and the coefficients). Empty: not computed.
   std::vector<double> camera_covariance;
-  std::vector<CameraResiduals> residuals;  // sorted by name; empty: not kept
-  std::optional<CalibrationFrame> frame;   // none: that of the reference camera
-  std::optional<CalibrationScale> scale;   // where only the scale was changed
+  std::vector<CameraResiduals> residuals;             // sorted by name; empty: not kept
+  std::optional<CalibrationFrame> frame;              // none: that of the reference camera
+  std::optional<CalibrationScale> scale;              // where only the scale was changed
   std::optional<CalibrationInformation> information;  // what holds the parameters
 };
 

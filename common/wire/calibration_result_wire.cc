@@ -192,6 +192,11 @@ Finding FromProto(const v1::Finding& proto) {
   return finding;
 }
 
+ErrorBasis FromProto(v1::Headline::ErrorBasis basis) {
+  return v1::Headline::ErrorBasis_IsValid(basis) ? static_cast<ErrorBasis>(basis)
+                                                 : ErrorBasis::kUnknown;
+}
+
 SolverPath FromProto(v1::SolverPath path) {
   return v1::SolverPath_IsValid(path) ? static_cast<SolverPath>(path) : SolverPath::kUnknown;
 }
@@ -251,6 +256,8 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
     proto->mutable_headline()->set_used_mean_px(result.headline->used_mean_px);
     proto->mutable_headline()->set_unused_share(result.headline->unused_share);
     proto->mutable_headline()->set_scale_sigma_rel(result.target.scale_sigma_rel);
+    proto->mutable_headline()->set_point_error_basis(
+        static_cast<v1::Headline::ErrorBasis>(result.headline->point_error_basis));
   }
   proto->mutable_quality()->set_predicted_error_m(result.quality.predicted_error_m);
   proto->mutable_quality()->set_accepted_error_m(result.quality.accepted_error_m);
@@ -299,7 +306,8 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
   if (proto.has_headline()) {
     result.headline = {.point_error_m = proto.headline().point_error_m(),
                        .used_mean_px = proto.headline().used_mean_px(),
-                       .unused_share = proto.headline().unused_share()};
+                       .unused_share = proto.headline().unused_share(),
+                       .point_error_basis = FromProto(proto.headline().point_error_basis())};
   }
   result.quality.predicted_error_m = proto.quality().predicted_error_m();
   result.quality.accepted_error_m = proto.quality().accepted_error_m();

@@ -95,6 +95,12 @@ void AddFindings(std::vector<Finding> findings, Solved* solved) {
   result.quality = GradeQuality(result, solved->evaluated.predicted);
 }
 
+void CallHooks(const CalibrationHooks& hooks, const RigObservations& rig,
+               const EvaluatedSolution& evaluated) {
+  if (hooks.solved) hooks.solved(rig, evaluated.solution);
+  if (hooks.evaluated) hooks.evaluated(rig, evaluated);
+}
+
 // What is known only once everything that was left out is.
 void NoteUnused(const RigObservations& rig, const std::map<std::string, CameraCounts>& counts,
                 const RefusalCounter& refused, Solved* solved) {
@@ -270,7 +276,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     AddFindings(FindLampContradictions(LampPhasesOf(input.tracks, rig, solved->evaluated)),
                 &*solved);
     NoteUnused(rig, counts, *refused, &*solved);
-    if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
+    CallHooks(hooks, rig, solved->evaluated);
     return Finish(rig, options, input.parent, &*solved);
   } else {
     odd = SpoilingCamera(solved, rig, clocks, solve);
@@ -322,7 +328,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   AddFindings(FindLampContradictions(LampPhasesOf(input.tracks, rig, solved->evaluated)), &*solved);
   *refused = std::move(solved->refused);
   NoteUnused(rig, counts, *refused, &*solved);
-  if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
+  CallHooks(hooks, rig, solved->evaluated);
   return Finish(rig, options, input.parent, &*solved);
 }
 

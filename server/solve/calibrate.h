@@ -16,6 +16,7 @@
 
 namespace rigcal::server {
 
+struct EvaluatedSolution;
 struct RigObservations;
 struct RigSolution;
 
@@ -39,6 +40,8 @@ struct CalibrationHooks {
   // every marker with what became of it, and the problem whose information is the covariance
   // (line_bundle.h).
   std::function<void(const RigObservations& rig, const RigSolution& solution)> solved;
+  // Called beside `solved`, with what is known of the errors of that solve.
+  std::function<void(const RigObservations& rig, const EvaluatedSolution& evaluated)> evaluated;
 };
 
 struct CalibrationOutcome {

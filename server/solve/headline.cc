@@ -2,7 +2,7 @@
 #include "server/solve/headline.h"
 
 #include <algorithm>
-#include <cmath>
+#include <utility>
 
 #include "server/solve/running/expected_error.h"
 #include "server/solve/unused_views.h"
@@ -13,15 +13,41 @@ namespace {
 constexpr size_t kMostPlaces = 1000;
 constexpr double kUnusedNoisePx = 0.3;  // of centres, which the error of a point leaves out
 
-// The scatter of a few folds says a sigma to such a factor only.
-constexpr double kFoldsTell = 2;
-
 }  // namespace
 
-double UnstatedFactor(const PredictedError& predicted) {
-  if (!(predicted.stated_m > 0) || !std::isfinite(predicted.stated_m)) return 1;
-  return std::max({1.0, predicted.by_intrinsics_m / predicted.stated_m,
-                   predicted.by_folds_m / (kFoldsTell * predicted.stated_m)});
+double PointError::StatedM() const {
+  return AllTogether(by_covariance_m, with_lenses_m, fold_factor);
+}
+
+ErrorBasis PointError::Basis() const {
+  const double stated_m = StatedM(), noise_m = fold_factor * by_covariance_m;
+  if (!(stated_m > 0)) return ErrorBasis::kUnknown;
+  // The parts add up in squares.
+  if (stated_m * stated_m > 2 * noise_m * noise_m) return ErrorBasis::kLenses;
+  return fold_factor > 1 ? ErrorBasis::kFolds : ErrorBasis::kCovariance;
+}
+
+std::optional<PointError> MeasurePointError(const RigObservations& rig,
+                                            const EvaluatedSolution& evaluated) {
+  if (!evaluated.uncertainty || !IsMetric(rig, evaluated.options) || !rig.target.IsLine()) {
+    return std::nullopt;
+  }
+  const BundleProblem& problem = evaluated.solution.built.problem;
+  const WavedGrid grid = MeasureWavedGrid(problem, kMostPlaces);
+  const auto p95_m = [&](const RigUncertainty& uncertainty) {
+    PointGains gains =
+        ComputeGains(problem, rig.index.cameras, uncertainty.parameters, grid, kUnusedNoisePx);
+    return ComputeExpectedError(std::move(gains), uncertainty.shape_covariance, grid).p95_m;
+  };
+  PointError error;
+  error.by_covariance_m = p95_m(*evaluated.uncertainty);
+  error.with_lenses_m =
+      evaluated.lenses_kept.spread > 0
+          ? std::max(error.by_covariance_m,
+                     p95_m(WithKeptLenses(*evaluated.uncertainty, evaluated.lenses_kept)))
+          : error.by_covariance_m;
+  error.fold_factor = evaluated.predicted.fold_factor;
+  return error;
 }
 
 Headline MakeHeadline(const RigObservations& rig, const EvaluatedSolution& evaluated,
@@ -40,15 +66,11 @@ Headline MakeHeadline(const RigObservations& rig, const EvaluatedSolution& evalu
     all += views.all;
   }
   if (all > 0) headline.unused_share = static_cast<double>(lost) / static_cast<double>(all);
-  const BundleProblem& problem = evaluated.solution.built.problem;
-  // The places are those of a wand.
-  if (!evaluated.uncertainty || !result.scale_known || !rig.target.IsLine()) return headline;
-  const WavedGrid grid = MeasureWavedGrid(problem, kMostPlaces);
-  PointGains gains = ComputeGains(problem, rig.index.cameras, evaluated.uncertainty->parameters,
-                                  grid, kUnusedNoisePx);
-  headline.point_error_m =
-      UnstatedFactor(evaluated.predicted) *
-      ComputeExpectedError(std::move(gains), evaluated.uncertainty->shape_covariance, grid).p95_m;
+  if (!result.scale_known) return headline;
+  if (const auto error = MeasurePointError(rig, evaluated)) {
+    headline.point_error_m = error->StatedM();
+    headline.point_error_basis = error->Basis();
+  }
   return headline;
 }
 

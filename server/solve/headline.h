@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,18 +10,27 @@
 #include "common/status/refusal.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/evaluate/evaluated_solve.h"
-#include "server/solve/evaluate/predicted_error.h"
 #include "server/solve/rig/rig_observations.h"
 
 namespace rigcal::server {
 
-// By how much larger errors are than the covariance says, because parts of the data, or other
-// intrinsics that fit as well, put the cameras elsewhere; at least 1.
-double UnstatedFactor(const PredictedError& predicted);
+// The expected error of a point and what makes it up. Each is an error that 95 % of the places
+// where the wand was, and one step around them, stay below with a probability of 95 %
+// (ExpectedError::p95_m), as a running estimate has it. Metres.
+struct PointError {
+  double by_covariance_m = 0;  // as if kept intrinsics were exact
+  double with_lenses_m = 0;    // and what these are off (kept_lenses.h)
+  double fold_factor = 1;      // PredictedError::fold_factor
 
-// The figures beside the grade. The error of a point is that of a running estimate
-// (running/expected_error.h), at the places where the wand was and one step around them,
-// times UnstatedFactor.
+  double StatedM() const;
+  ErrorBasis Basis() const;  // what makes most of it
+};
+
+// None where no uncertainty is known, the scale is not, or the target is not a wand.
+std::optional<PointError> MeasurePointError(const RigObservations& rig,
+                                            const EvaluatedSolution& evaluated);
+
+// The figures beside the grade.
 Headline MakeHeadline(const RigObservations& rig, const EvaluatedSolution& evaluated,
                       const std::map<std::string, CameraCounts>& counts,
                       const std::vector<Refusal>& refused, const CalibrationResult& result);

@@ -20,6 +20,7 @@ std::vector<Experiment> AllExperiments() {
           Monitor(),
           Flight(),
           UntilMm(),
+          Stated(),
           Triangulate(),
           Origin(),
           Scale(),

@@ -23,8 +23,8 @@ Experiment SeedExperiment(const std::string& name, const std::string& summary,
             options->AddFlag("--instants", &seeds->instants,
                              "do not follow it (line_delays, sparse)");
             options->Add("--only", &seeds->only,
-                         "cases with this in their name (doctor, detection, triangulate); of "
-                         "monitor: quiet, recording");
+                         "cases with this in their name (doctor, detection, stated, "
+                         "triangulate); of monitor: quiet, recording");
             return [seeds, run] { return run(*seeds); };
           }};
 }

@@ -26,13 +26,13 @@ std::vector<Cause> FindTooLittleData(const CauseInput& input) {
                 "the camera positions are known to %.3g %s (one sigma: %.3g by the covariance%s), "
                 "%.3g %s are accepted. Wave longer, through the whole volume, near and far%s",
                 unit * predicted.sigma_m, name, unit * predicted.stated_m,
-                absl::StrCat(predicted.by_folds_m > 0
-                                 ? absl::StrFormat(", %.3g by what parts of the data say",
-                                                   unit * predicted.by_folds_m)
+                absl::StrCat(predicted.by_lenses_m > 0
+                                 ? absl::StrFormat(", %.3g by lenses that were kept as given",
+                                                   unit * predicted.by_lenses_m)
                                  : "",
-                             predicted.by_intrinsics_m > 0
-                                 ? absl::StrFormat(", %.3g between given and refined intrinsics",
-                                                   unit * predicted.by_intrinsics_m)
+                             predicted.fold_factor > 1
+                                 ? absl::StrFormat("; parts of the data differ by %.1f times that",
+                                                   predicted.fold_factor)
                                  : ""),
                 unit * predicted.accepted_m, name,
                 input.result.scale_known ? "; or accept more (--accept-mm)" : "")},

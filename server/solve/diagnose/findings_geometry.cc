@@ -88,27 +88,29 @@ std::vector<Cause> FindNarrowBaselines(const CauseInput& input) {
 
 std::vector<Cause> FindLoosePoses(const CauseInput& input) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
+  if (!input.evaluated.uncertainty) return {};
   const std::vector<Sighting> sightings = Sightings(problem);
+  // As PredictedError has it: in the frame of the reference camera all others turn with its error.
+  const std::vector<double> sigmas_m =
+      PredictCentreSigmas(problem, *input.evaluated.uncertainty, input.evaluated.lenses_kept,
+                          input.evaluated.predicted.fold_factor);
   std::vector<Cause> causes;
-  for (const CalibratedCamera& camera : input.result.cameras) {
-    const auto found = std::ranges::find(problem.cameras, camera.camera, &BundleCamera::name);
-    if (!camera.uncertainty || found == problem.cameras.end()) continue;
-    const auto c = static_cast<size_t>(found - problem.cameras.begin());
+  for (size_t c = 0; c < sightings.size(); ++c) {
     if (sightings[c].distance_m.empty()) continue;
-    const double sigma_m = camera.uncertainty->position_sigma_m.maxCoeff();
+    const double sigma_m = sigmas_m[c];
     const double distance_m = UpperMedian(sightings[c].distance_m);
     if (sigma_m <= kLooseSigmaShare * distance_m) continue;
     const size_t partner = Partner(sightings[c]);
     const std::string where =
         DescribeSharedViews(problem, static_cast<int>(c), static_cast<int>(partner));
     causes.push_back(
-        {{FindingKind::kLoosePose, camera.camera, 1e3 * sigma_m, "mm",
-          absl::StrFormat("what was recorded holds its position to %.0f mm (one sigma) only, %.1f "
-                          "%% of its distance to the wand%s. Wave the wand where it and %s see "
-                          "it, in the rest of both images, near and far, and turn it",
-                          1e3 * sigma_m, 100 * sigma_m / distance_m,
-                          where.empty() ? "" : absl::StrCat(": ", where),
-                          problem.cameras[partner].name)},
+        {{FindingKind::kLoosePose, problem.cameras[c].name, 1e3 * sigma_m, "mm",
+          absl::StrFormat(
+              "what was recorded holds its position in the rig to %.0f mm (one sigma) "
+              "only, %.1f %% of its distance to the wand%s. Wave the wand where it and %s see "
+              "it, in the rest of both images, near and far, and turn it",
+              1e3 * sigma_m, 100 * sigma_m / distance_m,
+              where.empty() ? "" : absl::StrCat(": ", where), problem.cameras[partner].name)},
          0});
   }
   return causes;

@@ -32,7 +32,7 @@ PointGainMatrix AttachedPointGain(const BundleProblem& problem, const RigUncerta
   return gain;
 }
 
-std::vector<double> FrameFreeCentreSigmas(const BundleProblem& problem, const RigUncertainty& rig,
+Eigen::MatrixXd FrameFreeCentreCovariance(const BundleProblem& problem, const RigUncertainty& rig,
                                           const Eigen::Vector3d& middle_m) {
   const auto count = static_cast<Eigen::Index>(problem.cameras.size());
   if (count == 0) return {};
@@ -48,14 +48,21 @@ std::vector<double> FrameFreeCentreSigmas(const BundleProblem& problem, const Ri
                                                   points_m[static_cast<size_t>(i)]);
   }
   RemoveRigidMotion(points_m, &gain);
-  const PointGainMatrix spread = gain.topRows(3 * count) * rig.shape_covariance;
+  const auto centres = gain.topRows(3 * count);
+  return centres * rig.shape_covariance * centres.transpose();
+}
+
+std::vector<double> CentreSigmas(const Eigen::MatrixXd& centre_covariance) {
   std::vector<double> sigmas_m;
-  for (Eigen::Index c = 0; c < count; ++c) {
-    const double square_m2 =
-        spread.middleRows<3>(3 * c).cwiseProduct(gain.middleRows<3>(3 * c)).sum();
-    sigmas_m.push_back(std::sqrt(std::max(0.0, square_m2)));
+  for (Eigen::Index i = 0; i < centre_covariance.rows(); i += 3) {
+    sigmas_m.push_back(std::sqrt(std::max(0.0, centre_covariance.diagonal().segment<3>(i).sum())));
   }
   return sigmas_m;
+}
+
+std::vector<double> FrameFreeCentreSigmas(const BundleProblem& problem, const RigUncertainty& rig,
+                                          const Eigen::Vector3d& middle_m) {
+  return CentreSigmas(FrameFreeCentreCovariance(problem, rig, middle_m));
 }
 
 std::vector<double> FrameFreeCentreDistances(const std::vector<RigidTransform>& cam_from_rig,

@@ -18,10 +18,15 @@ namespace rigcal::server {
 PointGainMatrix AttachedPointGain(const BundleProblem& problem, const RigUncertainty& rig,
                                   int camera, const Eigen::Vector3d& point_m);
 
-// By camera: one sigma (3-D) of its centre after the best rigid motion has been taken out, that
+// Of the cameras' centres, three rows each, after the best rigid motion has been taken out, that
 // which the centres have in common with the places they carry along, each the middle of the waved
 // volume. Which frame a rig has is a matter of choice; and the centres alone would leave two
-// cameras nothing but their distance. metres
+// cameras nothing but their distance. Of the shape; square metres.
+Eigen::MatrixXd FrameFreeCentreCovariance(const BundleProblem& problem, const RigUncertainty& rig,
+                                          const Eigen::Vector3d& middle_m);
+
+// By camera: one sigma (3-D) of that, metres.
+std::vector<double> CentreSigmas(const Eigen::MatrixXd& centre_covariance);
 std::vector<double> FrameFreeCentreSigmas(const BundleProblem& problem, const RigUncertainty& rig,
                                           const Eigen::Vector3d& middle_m);
 

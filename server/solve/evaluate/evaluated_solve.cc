@@ -127,6 +127,21 @@ absl::Status FollowTarget(const RigObservations& rig, FoldResults* folds,
   return absl::OkStatus();
 }
 
+// The same data with refined intrinsics, put away.
+struct RefinedLenses {
+  RigSolution solution;
+  RigUncertainty uncertainty;  // by independent errors
+};
+
+// None where the data leave something undetermined.
+std::optional<RefinedLenses> RefinedLensesOf(const RigObservations& rig,
+                                             const RigSolveOptions& options, RigSolution solution) {
+  absl::StatusOr<RigUncertainty> uncertainty = ComputeNoiseUncertainty(solution);
+  if (!uncertainty.ok()) return std::nullopt;
+  PutAway(rig, options, &solution);
+  return RefinedLenses{std::move(solution), *std::move(uncertainty)};
+}
+
 }  // namespace
 
 absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
@@ -188,17 +203,17 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     first.refine_intrinsics = result.options.refine_intrinsics;
     RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, initial.clocks, first, &initial));
   }
-  // Kept intrinsics are as uncertain as the data leaves them, also where they are asked for.
-  std::optional<FoldPoses> refined;
+  // Also where given intrinsics are asked for, the data say how far they are off.
+  std::optional<RefinedLenses> refined;
   if (!result.options.refine_intrinsics) {
     RigSolveOptions with_refined = result.options;
     with_refined.refine_intrinsics = true;
     with_refined.rough = true;
     with_refined.motions = &motions;
     with_refined.progress = ProgressAs(CalibrationStage::kEvaluating, base);
-    const absl::StatusOr<RigSolution> other = SolveRig(rig, initial.clocks, with_refined, &initial);
+    absl::StatusOr<RigSolution> other = SolveRig(rig, initial.clocks, with_refined, &initial);
     if (absl::IsCancelled(other.status())) return other.status();
-    if (other.ok()) refined = FoldPosesOf(*other, 1);
+    if (other.ok()) refined = RefinedLensesOf(rig, with_refined, *std::move(other));
   }
   TakeBack(rig, result.options, &result.solution);
   if (result.held_out) {
@@ -224,9 +239,14 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   if (tries_path && KeepsPath(folds.path_gain, options.trajectory)) {
     RIGCAL_RETURN_IF_ERROR(FollowTarget(rig, &folds, &result));
   }
-  result.predicted = PredictError(result.solution, result.uncertainty, folds.by_instants.poses,
-                                  refined ? &*refined : nullptr,
-                                  IsMetric(rig, result.options) ? options.accept_m : 0);
+  if (refined && result.uncertainty) {
+    result.lenses_kept =
+        MeasureKeptLenses(result.solution.built.problem.cameras, refined->solution.built.problem,
+                          refined->uncertainty, result.uncertainty->design_effect);
+  }
+  result.predicted =
+      PredictError(result.solution, result.uncertainty, result.lenses_kept, folds.by_instants.poses,
+                   IsMetric(rig, result.options) ? options.accept_m : 0);
   return result;
 }
 

@@ -10,6 +10,7 @@
 #include "common/calibration/calibration_options.h"
 #include "server/solve/evaluate/held_out.h"
 #include "server/solve/evaluate/held_out_choice.h"
+#include "server/solve/evaluate/kept_lenses.h"
 #include "server/solve/evaluate/lens_models.h"
 #include "server/solve/evaluate/predicted_error.h"
 #include "server/solve/evaluate/uncertainty.h"
@@ -24,6 +25,7 @@ struct EvaluatedSolution {
   RigSolveOptions options;                    // as chosen
   std::optional<EvaluatedErrors> held_out;    // none: too little to hold anything out
   std::optional<RigUncertainty> uncertainty;  // none: the data leave something undetermined
+  KeptLenses lenses_kept;                     // of given intrinsics that the solution keeps
   PredictedError predicted;
   // Refined intrinsics fit better between neighbouring times only: kept for that.
   bool refined_by_chance = false;

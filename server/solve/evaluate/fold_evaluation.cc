@@ -10,8 +10,7 @@
 namespace rigcal::server {
 namespace {
 
-// Share of the placed instants that a fold leaves out before it is thinned: the scatter of thinned
-// folds is that of a recording as short, which errs on the safe side.
+// Share of the placed instants that a fold leaves out before it is thinned.
 double LeftOutOf(const RigSolution& solution, const TimeBlocks& blocks, int fold) {
   double all = 0, kept = 0;
   for (size_t i = 0; i < solution.built.problem.instants.size(); ++i) {
@@ -63,7 +62,7 @@ absl::StatusOr<FoldResults> EvaluateFolds(const RigObservations& rig,
         EvaluateHeldOut(rig, *solved, options, 0, is_held_out);
     if (!errors.ok()) continue;
     Append(*errors, &results.by_instants.held_out);
-    results.by_instants.poses.push_back(FoldPosesOf(*solved, 1));
+    results.by_instants.poses.push_back(FoldPosesOf(rig.index, *solved, solution));
     results.by_instants.poses.back().left_out = LeftOutOf(solution, blocks, fold);
     if (!tries_path) continue;
     absl::StatusOr<PathFold> path =
@@ -75,7 +74,7 @@ absl::StatusOr<FoldResults> EvaluateFolds(const RigObservations& rig,
     if (!path_errors.ok()) continue;
     results.path = path->solution.trajectory;
     Append(*path_errors, &results.by_path.held_out);
-    results.by_path.poses.push_back(FoldPosesOf(path->solution, 1));
+    results.by_path.poses.push_back(FoldPosesOf(rig.index, path->solution, solution));
     results.by_path.poses.back().left_out = results.by_instants.poses.back().left_out;
     std::ranges::move(path->before, std::back_inserter(before));
     std::ranges::move(path->after, std::back_inserter(after));

@@ -106,7 +106,8 @@ void DescribeMarkerPositions(const BundleProblem& problem, RigUncertainty* rig) 
   }
 }
 
-absl::Status DescribeByInstants(const RigSolution& solution, RigUncertainty* result) {
+absl::Status DescribeByInstants(const RigSolution& solution, bool with_blocks,
+                                RigUncertainty* result) {
   const BundleProblem& problem = solution.built.problem;
   const BundleOptions bundle;
   RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation information,
@@ -117,6 +118,8 @@ absl::Status DescribeByInstants(const RigSolution& solution, RigUncertainty* res
       MeasureLossFactors(solution.built, bundle.loss_scale, information.information.rows());
   RIGCAL_ASSIGN_OR_RETURN(result->covariance,
                           Inverse((information.information - prior) / loss.variance + prior));
+  result->noise_covariance = result->covariance;
+  if (!with_blocks) return absl::OkStatus();
   AllowForCommonErrors(
       MeasureBlockScatter(solution.built, bundle, result->parameters, result->covariance, loss),
       prior, result);
@@ -201,6 +204,12 @@ std::vector<double> PackCameraCovariance(const BundleProblem& problem, int refer
   return packed;
 }
 
+absl::StatusOr<RigUncertainty> ComputeNoiseUncertainty(const RigSolution& solution) {
+  RigUncertainty result;
+  RIGCAL_RETURN_IF_ERROR(DescribeByInstants(solution, false, &result));
+  return result;
+}
+
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options) {
   const BundleProblem& problem = solution.built.problem;
@@ -208,7 +217,7 @@ absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
   if (solution.trajectory != nullptr) {
     RIGCAL_RETURN_IF_ERROR(DescribeByPath(*solution.trajectory, &result));
   } else {
-    RIGCAL_RETURN_IF_ERROR(DescribeByInstants(solution, &result));
+    RIGCAL_RETURN_IF_ERROR(DescribeByInstants(solution, true, &result));
   }
   DescribeScale(problem, options.known_distance_sigma_m, &result);
   if (!problem.distance) DescribeMarkerPositions(problem, &result);

@@ -48,6 +48,10 @@ struct RigUncertainty {
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options);
 
+// Of independent errors alone, by instants: `parameters`, and both `covariance` and
+// `noise_covariance`; nothing else. Errors as above.
+absl::StatusOr<RigUncertainty> ComputeNoiseUncertainty(const RigSolution& solution);
+
 // Fills `cameras` from the covariances.
 void DescribeCameras(const BundleProblem& problem, RigUncertainty* uncertainty);
 

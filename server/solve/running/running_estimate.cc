@@ -125,10 +125,21 @@ RunningEstimate Report(const RunningSolution& solved, const RunningInput& input)
   const PointGains gains =
       ComputeGains(problem, cameras, uncertainty.parameters, estimate.grid, noise_px);
   estimate.error = ComputeExpectedError(gains, share * uncertainty.shape_covariance, estimate.grid);
+  // More waving does not mend lenses that are kept.
+  const ExpectedError by_noise = estimate.error;
+  if (solved.lenses_kept.spread > 0) {
+    RigUncertainty of_all_data = uncertainty;
+    of_all_data.covariance *= share;
+    of_all_data.shape_covariance *= share;
+    const RigUncertainty all = WithKeptLenses(of_all_data, solved.lenses_kept);
+    estimate.error = ComputeExpectedError(
+        ComputeGains(problem, cameras, all.parameters, estimate.grid, noise_px),
+        all.shape_covariance, estimate.grid);
+  }
   estimate.held_out = solved.held_out;
   if (input.advise && estimate.scale_known) {
     estimate.advice = AdviseWaving(solved.solution, uncertainty, cameras, estimate.grid, gains,
-                                   estimate.error, noise_px, share, {});
+                                   by_noise, noise_px, share, {});
   }
   estimate.wand_m = NewestWand(solved.solution.built);
   estimate.next = NextStart(solved.solution, input.start.round + 1);

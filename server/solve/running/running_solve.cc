@@ -60,6 +60,7 @@ class RunningSolver {
                            .solution = std::move(solution_),
                            .uncertainty = *std::move(uncertainty_),
                            .lens_test = std::move(lens_test_),
+                           .lenses_kept = std::move(lenses_kept_),
                            .held_out = held_out_,
                            .instant_count = thinning_.instant_count()};
   }
@@ -167,6 +168,8 @@ class RunningSolver {
     absl::StatusOr<RigSolution> solution = SolveRig(rig_, begin.clocks, given, &begin);
     if (absl::IsCancelled(solution.status())) return solution.status();
     if (!solution.ok() || OutlierShare(*solution) >= kMaxOutlierShare) return absl::OkStatus();
+    lenses_kept_ = MeasureKeptLenses(solution->built.problem.cameras, solution_.built.problem,
+                                     *uncertainty_, uncertainty_->design_effect);
     solution_ = *std::move(solution);
     options_.refine_intrinsics = false;
     uncertainty_.reset();
@@ -216,6 +219,7 @@ class RunningSolver {
   RigSolution solution_;
   std::optional<RigUncertainty> uncertainty_;  // of solution_; none: not computed yet
   GivenIntrinsicsTest lens_test_;
+  KeptLenses lenses_kept_;
   std::optional<HeldOutCheck> held_out_;
 };
 

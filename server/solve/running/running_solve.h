@@ -6,6 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/solve/evaluate/given_intrinsics.h"
+#include "server/solve/evaluate/kept_lenses.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_observations.h"
 #include "server/solve/rig/rig_solution.h"
@@ -21,6 +22,7 @@ struct RunningSolution {
   RigSolution solution;
   RigUncertainty uncertainty;  // of the thinned instants
   GivenIntrinsicsTest lens_test;
+  KeptLenses lenses_kept;  // of given intrinsics that the solution keeps
   std::optional<HeldOutCheck> held_out;
   int instant_count = 0;  // before thinning
 };

@@ -20,6 +20,7 @@ Experiment Robustness();
 Experiment Scale();
 Experiment Sparse();
 Experiment Starts();
+Experiment Stated();
 Experiment Triangulate();
 Experiment UntilMm();
 

@@ -40,8 +40,21 @@ TEST(FormatCalibration, BeginsWithTheGradeAndTheHeadline) {
   EXPECT_THAT(text, HasSubstr("0.331 px, mean of the markers used; 1.2 % of the views not used"));
   EXPECT_LT(text.find("Quality: usable"), text.find("expected error"));
   EXPECT_LT(text.find("expected error"), text.find("Reprojection errors"));
+  EXPECT_EQ(text.find("from the"), std::string::npos) << "a server that does not say";
   calibration.mutable_quality()->set_grade(v1::Quality::GRADE_BAD);
   EXPECT_THAT(FormatCalibration(calibration), HasSubstr("expected error     at least 0.29 mm"));
+}
+
+TEST(FormatCalibration, SaysWhatTheExpectedErrorIsFrom) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.mutable_headline()->set_point_error_m(0.000294);
+  const auto text_with = [&](v1::Headline::ErrorBasis basis) {
+    calibration.mutable_headline()->set_point_error_basis(basis);
+    return FormatCalibration(calibration);
+  };
+  EXPECT_THAT(text_with(v1::Headline::ERROR_BASIS_COVARIANCE), HasSubstr("from the covariance"));
+  EXPECT_THAT(text_with(v1::Headline::ERROR_BASIS_LENSES), HasSubstr("change with the lenses"));
+  EXPECT_THAT(text_with(v1::Headline::ERROR_BASIS_FOLDS), HasSubstr("from the folds"));
 }
 
 TEST(FormatCalibration, ShowsWhereTheCamerasAre) {

@@ -3,35 +3,37 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
+#include <cmath>
 
 namespace rigcal::server::headline_test {
 namespace {
 
-PredictedError Predicted(double stated_m, double by_folds_m, double by_intrinsics_m) {
-  PredictedError predicted;
-  predicted.stated_m = stated_m;
-  predicted.by_folds_m = by_folds_m;
-  predicted.by_intrinsics_m = by_intrinsics_m;
-  return predicted;
+TEST(PointError, IsTheCovariancesWhereNothingElseSpeaks) {
+  const PointError error = {.by_covariance_m = 0.002, .with_lenses_m = 0.002, .fold_factor = 1};
+  EXPECT_DOUBLE_EQ(error.StatedM(), 0.002);
+  EXPECT_EQ(error.Basis(), ErrorBasis::kCovariance);
 }
 
-TEST(UnstatedFactor, IsOneWhereTheCovarianceAndTheDataAgree) {
-  EXPECT_EQ(UnstatedFactor(Predicted(0.002, 0.0015, 0)), 1);
-  EXPECT_EQ(UnstatedFactor(Predicted(0.002, 0.0035, 0.001)), 1) << "four folds say it roughly";
+TEST(PointError, KeptLensesAddInSquaresAndDecideWhereTheyAreMost) {
+  PointError error = {.by_covariance_m = 0.003, .with_lenses_m = 0.004};
+  EXPECT_DOUBLE_EQ(error.StatedM(), 0.004);
+  EXPECT_EQ(error.Basis(), ErrorBasis::kCovariance);
+  error.with_lenses_m = 0.005;
+  EXPECT_DOUBLE_EQ(error.StatedM(), 0.005);
+  EXPECT_EQ(error.Basis(), ErrorBasis::kLenses);
 }
 
-TEST(UnstatedFactor, OtherIntrinsicsThatFitAsWellCountInFull) {
-  EXPECT_DOUBLE_EQ(UnstatedFactor(Predicted(0.002, 0.003, 0.08)), 40);
+TEST(PointError, WhatFoldsScatterByIsNoMatterOfTheLenses) {
+  PointError error = {.by_covariance_m = 0.003, .with_lenses_m = 0.005, .fold_factor = 3};
+  EXPECT_DOUBLE_EQ(error.StatedM(), std::hypot(0.009, 0.004));
+  EXPECT_EQ(error.Basis(), ErrorBasis::kFolds);
+  error.fold_factor = 1.1;
+  EXPECT_EQ(error.Basis(), ErrorBasis::kLenses);
 }
 
-TEST(UnstatedFactor, FoldsCountBeyondWhatTheyCanTell) {
-  EXPECT_DOUBLE_EQ(UnstatedFactor(Predicted(0.002, 0.02, 0)), 5);
-}
-
-TEST(UnstatedFactor, IsOneWhereNothingIsStated) {
-  EXPECT_EQ(UnstatedFactor(Predicted(0, 0.02, 0.02)), 1);
-  EXPECT_EQ(UnstatedFactor(Predicted(std::numeric_limits<double>::infinity(), 0.02, 0)), 1);
+TEST(PointError, OfNothingIsUnknown) {
+  EXPECT_EQ(PointError().StatedM(), 0);
+  EXPECT_EQ(PointError().Basis(), ErrorBasis::kUnknown);
 }
 
 }  // namespace

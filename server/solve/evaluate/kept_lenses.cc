@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/kept_lenses.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "server/solve/evaluate/scale_uncertainty.h"
+
+namespace rigcal::server {
+namespace {
+
+// Share of a direction's variance that the prior alone would leave; above it the data say nothing.
+constexpr double kUntoldShare = 0.999;
+// Of the common variance, tried in steps of a tenth; the priors are wide.
+constexpr double kLeastVariance = 1e-9, kMostVariance = 10;
+constexpr double kStep = 1.1;
+
+// One direction of the intrinsics, in sigmas of the priors.
+struct Direction {
+  double estimate = 0;   // by the data alone, from the given ones
+  double precision = 0;  // of it
+};
+
+double LogLikelihood(const std::vector<Direction>& directions, double variance) {
+  double sum = 0;
+  for (const Direction& direction : directions) {
+    const double all = variance + 1 / direction.precision;
+    sum -= 0.5 * (std::log(all) + direction.estimate * direction.estimate / all);
+  }
+  return sum;
+}
+
+double LikeliestVariance(const std::vector<Direction>& directions) {
+  double best = 0, highest = LogLikelihood(directions, 0);
+  for (double variance = kLeastVariance; variance < kMostVariance; variance *= kStep) {
+    const double likelihood = LogLikelihood(directions, variance);
+    if (likelihood > highest) {
+      highest = likelihood;
+      best = variance;
+    }
+  }
+  return best;
+}
+
+// The intrinsics that were refined and that the other solution keeps.
+struct KeptParameter {
+  Eigen::Index row = 0;
+  double difference = 0;  // from the given value, in sigmas of the prior
+  double sigma = 0;       // of the prior
+};
+
+std::vector<KeptParameter> KeptParameters(const std::vector<BundleCamera>& kept,
+                                          const std::vector<BundleCamera>& refined,
+                                          const std::vector<ReducedParameter>& parameters) {
+  std::vector<KeptParameter> found;
+  for (size_t i = 0; i < parameters.size(); ++i) {
+    const ReducedParameter& parameter = parameters[i];
+    if (parameter.kind != ReducedParameterKind::kIntrinsic) continue;
+    const auto c = static_cast<size_t>(parameter.index);
+    if (!kept[c].intrinsics_fixed) continue;
+    const BundleCamera& camera = refined[c];
+    const double sigma = camera.intrinsics_sigma[parameter.component];
+    if (!(sigma > 0)) continue;
+    found.push_back(
+        {static_cast<Eigen::Index>(i),
+         (camera.intrinsics[parameter.component] - camera.intrinsics_mean[parameter.component]) /
+             sigma,
+         sigma});
+  }
+  return found;
+}
+
+Eigen::Index PlaceIn(const std::vector<ReducedParameter>& list, const ReducedParameter& parameter) {
+  const auto found = std::ranges::find(list, parameter);
+  return found == list.end() ? -1 : found - list.begin();
+}
+
+// In the rows of a longer list of parameters.
+Eigen::MatrixXd InRows(const Eigen::MatrixXd& covariance, const std::vector<Eigen::Index>& rows,
+                       Eigen::Index size) {
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(size, size);
+  all(rows, rows) = covariance;
+  return all;
+}
+
+}  // namespace
+
+KeptLenses MeasureKeptLenses(const std::vector<BundleCamera>& kept, const BundleProblem& refined,
+                             const RigUncertainty& uncertainty, double design_effect) {
+  KeptLenses lenses;
+  const std::vector<KeptParameter> own =
+      KeptParameters(kept, refined.cameras, uncertainty.parameters);
+  const auto size = static_cast<Eigen::Index>(own.size());
+  if (size == 0) return lenses;
+  std::vector<Eigen::Index> rows;
+  Eigen::VectorXd difference(size), sigma(size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const KeptParameter& parameter = own[static_cast<size_t>(i)];
+    rows.push_back(parameter.row);
+    difference[i] = parameter.difference;
+    sigma[i] = parameter.sigma;
+  }
+  const Eigen::MatrixXd& covariance = uncertainty.noise_covariance;
+  const Eigen::VectorXd unit = sigma.cwiseInverse();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      Eigen::MatrixXd(unit.asDiagonal() * covariance(rows, rows) * unit.asDiagonal()));
+  if (eigen.info() != Eigen::Success) return lenses;
+  const Eigen::VectorXd along = eigen.eigenvectors().transpose() * difference;
+  std::vector<Direction> seen(own.size());
+  std::vector<Direction> told;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const double share = eigen.eigenvalues()[i];
+    if (!(share > 0) || share > kUntoldShare) continue;
+    seen[static_cast<size_t>(i)] = {along[i] / (1 - share),
+                                    (1 / share - 1) / std::max(1.0, design_effect)};
+    told.push_back(seen[static_cast<size_t>(i)]);
+  }
+  const double variance = LikeliestVariance(told);
+  if (!(variance > 0)) return lenses;
+  // Mean and variance of the errors along each direction.
+  Eigen::VectorXd mean(size), left(size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const Direction& direction = seen[static_cast<size_t>(i)];
+    left[i] = 1 / (direction.precision + 1 / variance);
+    mean[i] = left[i] * direction.precision * direction.estimate;
+  }
+  const Eigen::MatrixXd axes = sigma.asDiagonal() * eigen.eigenvectors();
+  // How everything follows the intrinsics, at the length that gives the scale.
+  RigUncertainty noise;
+  noise.parameters = uncertainty.parameters;
+  noise.covariance = covariance;
+  DescribeScale(refined, 0, &noise);
+  const Eigen::MatrixXd inverse_axes = eigen.eigenvectors().transpose() * unit.asDiagonal();
+  const Eigen::MatrixXd own_along =
+      inverse_axes * noise.shape_covariance(rows, rows) * inverse_axes.transpose();
+  const Eigen::MatrixXd all_along =
+      noise.shape_covariance(Eigen::all, rows) * inverse_axes.transpose();
+  const Eigen::LDLT<Eigen::MatrixXd> factor(own_along);
+  Eigen::MatrixXd follow = factor.solve(all_along.transpose()).transpose();
+  follow(rows, Eigen::all) = axes;
+  if (!follow.allFinite()) return lenses;
+  lenses.spread = std::sqrt(variance);
+  lenses.parameters = uncertainty.parameters;
+  const Eigen::VectorXd moved = follow * mean;
+  lenses.moment = follow * left.asDiagonal() * follow.transpose();
+  lenses.moment.noalias() += moved * moved.transpose();
+  return lenses;
+}
+
+RigUncertainty WithKeptLenses(const RigUncertainty& uncertainty, const KeptLenses& lenses) {
+  RigUncertainty all = uncertainty;
+  if (!(lenses.spread > 0)) return all;
+  std::vector<Eigen::Index> own, of_lenses;
+  for (const ReducedParameter& parameter : lenses.parameters) {
+    if (PlaceIn(all.parameters, parameter) < 0) all.parameters.push_back(parameter);
+  }
+  for (const ReducedParameter& parameter : uncertainty.parameters) {
+    own.push_back(PlaceIn(all.parameters, parameter));
+  }
+  for (const ReducedParameter& parameter : lenses.parameters) {
+    of_lenses.push_back(PlaceIn(all.parameters, parameter));
+  }
+  const auto size = static_cast<Eigen::Index>(all.parameters.size());
+  const Eigen::MatrixXd moment = InRows(lenses.moment, of_lenses, size);
+  all.covariance = InRows(uncertainty.covariance, own, size) + moment;
+  all.shape_covariance = InRows(uncertainty.shape_covariance, own, size) + moment;
+  return all;
+}
+
+}  // namespace rigcal::server

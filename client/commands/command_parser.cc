@@ -117,7 +117,8 @@ CLI::App* CommandParser::AddCommand(CLI::App* parent, const std::string& name,
                                     const std::string& description, Command command,
                                     bool asks_server) {
   CLI::App* app = (parent == nullptr ? &app_ : parent)->add_subcommand(name, description);
-  app->callback([this, command = std::move(command), asks_server] {
+  app->callback([this, app, command = std::move(command), asks_server] {
+    if (!app->get_subcommands().empty()) return;
     chosen_ = command;
     asks_server_ = asks_server;
   });

@@ -71,7 +71,9 @@ class WrappingFormatter : public CLI::Formatter {
   }
   std::string make_subcommand(const CLI::App* app) const override {
     std::stringstream out;
-    CLI::detail::format_help(out, app->get_name(), Wrap(app->get_description()), kNameColumns);
+    std::string names = app->get_name();
+    for (const std::string& alias : app->get_aliases()) absl::StrAppend(&names, ",", alias);
+    CLI::detail::format_help(out, names, Wrap(app->get_description()), kNameColumns);
     return out.str();
   }
 };

@@ -20,6 +20,7 @@
 #include "agent/capture/registry/source_help.h"
 #include "agent/capture/registry/source_registry.h"
 #include "agent/command/subcommands.h"
+#include "agent/offer/camera_offers.h"
 #include "agent/spool/disk/disk_spool.h"
 #include "agent/spool/memory_spool.h"
 #include "agent/uplink/agent_state.h"
@@ -54,6 +55,9 @@ std::string Footer() {
       "  rigcal-agent --source csv:rig/left.csv --source csv:rig/right.csv\n"
       "  rigcal-agent --server 10.0.0.5:7420 --source 'left=aravis:192.168.1.5;exposure=0.004'\n"
       "  rigcal-agent --source 'sim:camera=0;cameras=4;pixels=1'\n"
+      "  rigcal-agent --offer-simulated 3\n"
+      "Without a source the agent offers the cameras that it sees to the server, where `rigcal "
+      "cameras use` or the page chooses them; chosen ones are kept in the state directory.\n"
       "SIGTERM or SIGINT ends captures, delivers what is there for up to 2 s, and exits.\n"
       "Exit codes: 0 ended by signal or the command is done, 1 failed, 2 usage, 3 ended by signal "
       "with observations that are not delivered (with the disk spool they are at the next start).");
@@ -68,6 +72,8 @@ struct Flags {
   std::string spool;
   std::string log_level;
   std::string log_format;
+  std::string offer_simulated;
+  bool offer_fake = false;
   std::vector<std::string> sources;
 };
 
@@ -85,6 +91,11 @@ void AddFlags(CLI::App& app, Flags& flags) {
       ->check(CLI::IsMember({"disk", "memory"}));
   app.add_option("--source", flags.sources,
                  "SPEC of a camera; repeatable; replaces the cameras of the file");
+  app.add_option(
+      "--offer-simulated", flags.offer_simulated,
+      "N[;OPTION=VALUE]...: also offers N simulated cameras, with options of sim:, to try "
+      "things out");
+  app.add_flag("--offer-fake", flags.offer_fake, "Also offers Aravis' own fake camera");
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error, off [info]");
   app.add_option("--log-format", flags.log_format,
                  "text, json (a JSON object per line), journal (entries with fields in systemd's "
@@ -145,6 +156,44 @@ absl::StatusOr<std::vector<std::unique_ptr<ObservationSource>>> MakeSources(
   if (faults.empty()) return sources;
   const absl::Status fault = absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
   return flags.sources.empty() ? OfFile(fault) : fault;
+}
+
+// Recorded and simulated cameras stand for a whole rig: an agent that has no others looks for none.
+bool LooksForCameras(const std::vector<std::unique_ptr<ObservationSource>>& sources) {
+  return sources.empty() || std::ranges::any_of(sources, [](const auto& source) {
+           const std::string& kind = source->description().source;
+           return absl::StartsWith(kind, "aravis:") || absl::StartsWith(kind, "metavision:");
+         });
+}
+
+// None: the agent offers nothing. Those that were chosen before are added to `sources`.
+absl::StatusOr<std::unique_ptr<CameraOffers>> MakeOffers(
+    const Flags& flags, const AgentConfig& config,
+    std::vector<std::unique_ptr<ObservationSource>>* sources) {
+  CameraOffersOptions options;
+  options.scan.devices = LooksForCameras(*sources);
+  options.scan.fake = flags.offer_fake;
+  if (!flags.offer_simulated.empty()) {
+    RIGCAL_RETURN_IF_ERROR(ReadSimulatedOffer(flags.offer_simulated, &options.scan));
+  }
+  const bool offers_any =
+      options.scan.devices || options.scan.fake || options.scan.simulated_count > 0;
+  if (!offers_any) return nullptr;
+  RIGCAL_ASSIGN_OR_RETURN(ChosenCameras chosen, ChosenCameras::Open(config.state_dir));
+  std::vector<ConfiguredCamera> configured;
+  for (const auto& source : *sources) {
+    configured.push_back(
+        {.camera = source->description().camera, .source = source->description().source});
+  }
+  auto offers =
+      std::make_unique<CameraOffers>(std::move(options), std::move(chosen), std::move(configured));
+  for (auto& source : offers->OpenChosen()) sources->push_back(std::move(source));
+  if (sources->empty()) {
+    spdlog::info(
+        "no camera takes part yet: `rigcal cameras` on the server's PC, or its page, lists those "
+        "that this agent sees, and chooses them");
+  }
+  return offers;
 }
 
 // The server knows an agent by the name in its certificate.
@@ -221,6 +270,7 @@ absl::StatusOr<int> RunAgent(const Flags& flags, sigset_t signals) {
   }
   RIGCAL_RETURN_IF_ERROR(OfFile(wire::CredentialsFor(config.server, files).status()));
 
+  RIGCAL_ASSIGN_OR_RETURN(auto offers, MakeOffers(flags, config, &sources));
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<ObservationSpool> spool, MakeSpool(config));
   UplinkOptions options;
   options.server = config.server;
@@ -241,8 +291,9 @@ absl::StatusOr<int> RunAgent(const Flags& flags, sigset_t signals) {
     renewal.AskSoon();
     return Uplink::MakeChannel(server, files);
   };
-  RIGCAL_ASSIGN_OR_RETURN(const auto uplink, Uplink::Create(std::move(options), std::move(sources),
-                                                            spool.get(), make_channel));
+  RIGCAL_ASSIGN_OR_RETURN(const auto uplink,
+                          Uplink::Create(std::move(options), std::move(sources), spool.get(),
+                                         make_channel, std::move(offers)));
   running = uplink.get();
   uplink->Start();
   if (folder.Exists()) renewal.Start();

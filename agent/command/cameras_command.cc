@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <iomanip>
 #include <nlohmann/json.hpp>
@@ -8,11 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "agent/capture/genicam/aravis_discovery.h"
-#include "agent/capture/genicam/gige_controller.h"
-#include "agent/capture/genicam/usb_cameras.h"
+#include "agent/capture/genicam/reachable_cameras.h"
 #include "agent/command/subcommands.h"
 #include "common/config/agent_config.h"
 #include "common/status/status_macros.h"
@@ -30,11 +27,7 @@ struct CamerasFlags {
   bool fake = false;
 };
 
-// A camera that is reachable, and whether it can be used.
-struct ReachableCamera {
-  FoundCamera found;
-  std::string state;   // "free", "in use", "no permission", "unknown"
-  std::string note;    // who uses it, or what to do; empty: nothing to say
+struct ListedCamera : ReachableCamera {
   std::string camera;  // its name in the configuration; empty: it is not there
 };
 
@@ -64,55 +57,16 @@ std::string ConfiguredName(const std::vector<CameraConfig>& cameras, const Found
   return "";
 }
 
-ReachableCamera Examined(FoundCamera found, const std::string& network_interface) {
-  constexpr std::chrono::milliseconds kAnswerLimit(500);
-  ReachableCamera camera{.found = std::move(found), .state = "free", .note = "", .camera = ""};
-  if (camera.found.protocol != "GigEVision") return camera;
-  const auto holder = GigeControllerOf(camera.found.address, network_interface, kAnswerLimit);
-  if (!holder.ok()) {
-    camera.state = "unknown";
-    camera.note = std::string(holder.status().message());
-    return camera;
-  }
-  if (!holder->has_value()) return camera;
-  camera.state = "in use";
-  const auto own = LocalAddressFor(camera.found.address, network_interface);
-  camera.note = **holder == "0.0.0.0"          ? "by a program that the camera does not name"
-                : own.ok() && *own == **holder ? std::string("by a program on this PC")
-                                               : absl::StrCat("by a program at ", **holder);
-  return camera;
-}
-
-ReachableCamera NotPermitted(const UsbCamera& usb) {
-  return {.found = {.id = usb.serial,
-                    .model = usb.model,
-                    .serial = usb.serial,
-                    .address = usb.node.string(),
-                    .protocol = "USB3Vision",
-                    .vendor = usb.vendor},
-          .state = "no permission",
-          .note = absl::StrCat("this user may not open ", usb.node.string(),
-                               ": sudo adduser $USER rigcal, then sign in again; without the "
-                               "package rigcal-agent install its udev rule first, and plug the "
-                               "camera in again (docs/install.md)"),
-          .camera = ""};
-}
-
-// What --source takes. Aravis' fake camera is found by its id alone.
-std::string SourceOf(const FoundCamera& found) {
-  const bool by_id = found.serial.empty() || absl::StartsWith(found.id, "Fake_");
-  return absl::StrCat("aravis:", by_id ? found.id : found.serial);
-}
-
 // "-" for what is not known.
 std::string Cell(const std::string& text) { return text.empty() ? "-" : Printable(text); }
 
-void PrintTable(const std::vector<ReachableCamera>& cameras, std::ostream& out) {
+void PrintTable(const std::vector<ListedCamera>& cameras, std::ostream& out) {
   std::vector<std::vector<std::string>> rows = {
       {"serial", "vendor", "model", "address", "state", "takes part as"}};
-  for (const ReachableCamera& camera : cameras) {
+  for (const ListedCamera& camera : cameras) {
     rows.push_back({Cell(camera.found.serial), Cell(camera.found.vendor), Cell(camera.found.model),
-                    Cell(camera.found.address), camera.state, Cell(camera.camera)});
+                    Cell(camera.found.address), std::string(NameOf(camera.state)),
+                    Cell(camera.camera)});
   }
   std::vector<size_t> widths(rows.front().size());
   for (const auto& row : rows) {
@@ -124,24 +78,24 @@ void PrintTable(const std::vector<ReachableCamera>& cameras, std::ostream& out) 
     }
     out << row.back() << "\n";
   }
-  for (const ReachableCamera& camera : cameras) {
+  for (const ListedCamera& camera : cameras) {
     if (camera.note.empty()) continue;
-    out << Cell(camera.found.serial) << ": " << camera.state << ": " << Printable(camera.note)
-        << "\n";
+    out << Cell(camera.found.serial) << ": " << NameOf(camera.state) << ": "
+        << Printable(camera.note) << "\n";
   }
 }
 
-void PrintCamerasJson(const std::vector<ReachableCamera>& cameras, std::ostream& out) {
+void PrintCamerasJson(const std::vector<ListedCamera>& cameras, std::ostream& out) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const ReachableCamera& camera : cameras) {
+  for (const ListedCamera& camera : cameras) {
     list.push_back({{"device", camera.found.id},
                     {"serial", camera.found.serial},
                     {"vendor", camera.found.vendor},
                     {"model", camera.found.model},
                     {"address", camera.found.address},
                     {"protocol", camera.found.protocol},
-                    {"source", SourceOf(camera.found)},
-                    {"state", camera.state},
+                    {"source", absl::StrCat("aravis:", DeviceOf(camera.found))},
+                    {"state", NameOf(camera.state)},
                     {"note", camera.note},
                     {"camera", camera.camera}});
   }
@@ -152,21 +106,12 @@ void PrintCamerasJson(const std::vector<ReachableCamera>& cameras, std::ostream&
 absl::Status ListCameras(const CamerasFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<CameraConfig> configured, ConfiguredCameras(flags));
   if (flags.fake) FindFakeCameraToo();
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<FoundCamera> found,
-                          FindCameras(flags.network_interface));
-  std::vector<ReachableCamera> cameras;
-  for (const FoundCamera& camera : found) {
-    cameras.push_back(Examined(camera, flags.network_interface));
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<ReachableCamera> reachable,
+                          FindReachableCameras(flags.network_interface));
+  std::vector<ListedCamera> cameras;
+  for (const ReachableCamera& camera : reachable) {
+    cameras.push_back({camera, ConfiguredName(configured, camera.found)});
   }
-  if (flags.network_interface.empty()) {
-    for (const UsbCamera& usb : FindUsbCameras()) {
-      if (!usb.may_open) cameras.push_back(NotPermitted(usb));
-    }
-  }
-  for (ReachableCamera& camera : cameras) {
-    camera.camera = ConfiguredName(configured, camera.found);
-  }
-  std::ranges::sort(cameras, {}, [](const auto& camera) { return camera.found.id; });
   if (flags.format == "json") {
     PrintCamerasJson(cameras, out);
     return absl::OkStatus();
@@ -177,10 +122,12 @@ absl::Status ListCameras(const CamerasFlags& flags, std::ostream& out) {
     return absl::OkStatus();
   }
   PrintTable(cameras, out);
-  const auto unused = std::ranges::find_if(
-      cameras, [](const auto& camera) { return camera.state == "free" && camera.camera.empty(); });
+  const auto unused = std::ranges::find_if(cameras, [](const auto& camera) {
+    return camera.state == ReachableCamera::State::kFree && camera.camera.empty();
+  });
   if (unused != cameras.end()) {
-    out << "To use one: rigcal-agent --source 'NAME=" << Printable(SourceOf(unused->found))
+    out << "To use one: rigcal-agent --source 'NAME="
+        << Printable(absl::StrCat("aravis:", DeviceOf(unused->found)))
         << ";calibration=NAME.yaml', or a [[camera]] in agent.toml.\n";
   }
   return absl::OkStatus();

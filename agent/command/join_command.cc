@@ -4,8 +4,10 @@
 #include <filesystem>
 #include <iostream>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "agent/command/join_service.h"
 #include "agent/command/subcommands.h"
 #include "agent/uplink/agent_state.h"
 #include "common/config/agent_config.h"
@@ -55,7 +57,23 @@ absl::StatusOr<PeerIdentity> JoinSomewhere(const JoinFlags& flags, JoinString jo
   return JoinServer(join, agent_id);
 }
 
+// Of the agent that the package runs: what root types after installing it.
+absl::Status JoinPackagedAgent(const JoinFlags& flags, std::ostream& out) {
+  std::vector<std::string> arguments;
+  if (!flags.join_string.empty()) arguments.push_back(flags.join_string);
+  if (!flags.server.empty()) arguments.insert(arguments.end(), {"--server", flags.server});
+  if (!flags.agent_id.empty()) arguments.insert(arguments.end(), {"--agent-id", flags.agent_id});
+  if (flags.force) arguments.emplace_back("--force");
+  RIGCAL_RETURN_IF_ERROR(JoinForService(arguments));
+  out << "service rigcal-agent runs with it: `rigcal cameras` on the server's PC, or its page Rig, "
+         "lists the cameras that this PC sees\n";
+  return absl::OkStatus();
+}
+
 absl::Status JoinAsAgent(const JoinFlags& flags, std::ostream& out) {
+  if (flags.config.empty() && flags.state_dir.empty() && JoinsForService()) {
+    return JoinPackagedAgent(flags, out);
+  }
   const bool is_terminal = isatty(STDIN_FILENO) == 1 && isatty(STDOUT_FILENO) == 1;
   const Dialog dialog{.out = out, .in = is_terminal ? &std::cin : nullptr};
   const std::unique_ptr<Discovery> discovery = MakeDiscovery();
@@ -94,9 +112,11 @@ absl::Status JoinAsAgent(const JoinFlags& flags, std::ostream& out) {
   RIGCAL_RETURN_IF_ERROR(folder.Replace(identity));
   out << "agent " << state.identity().agent_id << " has joined the server at "
       << (identity.grpc.empty() ? "?" : identity.grpc.front()) << "\nidentity in "
-      << folder.path().string()
-      << ", renewed by itself while the agent runs\nstart it with: rigcal-agent"
-      << StartFlags(flags) << " --source SPEC\n";
+      << folder.path().string() << ", renewed by itself while the agent runs\n";
+  // The service is started by who has installed it.
+  if (flags.config != kServiceConfig) {
+    out << "start it with: rigcal-agent" << StartFlags(flags) << "\n";
+  }
   return absl::OkStatus();
 }
 
@@ -104,7 +124,10 @@ absl::Status JoinAsAgent(const JoinFlags& flags, std::ostream& out) {
 
 void AddJoinCommand(CLI::App& app, Subcommands* all) {
   const auto [command, flags] = all->Add(
-      app, "join", "Joins a server on another PC, once, with a join string of it", &JoinAsAgent);
+      app, "join",
+      "Joins a server on another PC, once, with a join string of it; as root, for the service of "
+      "the package",
+      &JoinAsAgent);
   command.add_option("STRING", flags.join_string,
                      "What `rigcal token create` has printed on the server PC: rk1... Without it, "
                      "servers that announce themselves are listed");

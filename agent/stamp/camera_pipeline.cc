@@ -191,10 +191,6 @@ CameraReport CameraPipeline::MakeReport() const {
 absl::StatusOr<CameraPipelines> MakePipelines(
     std::vector<std::unique_ptr<ObservationSource>> sources, ObservationSpool* spool,
     const std::function<void()>& on_progress) {
-  if (sources.empty()) {
-    return absl::InvalidArgumentError(
-        "there is no camera: give --source, or [[camera]] in the configuration file");
-  }
   CameraPipelines pipelines;
   for (std::unique_ptr<ObservationSource>& source : sources) {
     const std::string name = source->description().camera;

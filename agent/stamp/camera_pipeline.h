@@ -95,7 +95,7 @@ class CameraPipeline {
 // By the camera's name.
 using CameraPipelines = std::map<std::string, std::unique_ptr<CameraPipeline>>;
 
-// One for each source, not started. INVALID_ARGUMENT: no camera, or two of one name.
+// One for each source, not started. INVALID_ARGUMENT: two of one name.
 absl::StatusOr<CameraPipelines> MakePipelines(
     std::vector<std::unique_ptr<ObservationSource>> sources, ObservationSpool* spool,
     const std::function<void()>& on_progress);

@@ -159,7 +159,8 @@ absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directo
   if (!agent_id.empty()) RIGCAL_RETURN_IF_ERROR(ValidateName("agent_id", agent_id));
   RIGCAL_RETURN_IF_ERROR(MakePrivateFolder(directory));
   // Others may have put these here while they could.
-  for (const char* name : {kStateFile, kSecretFile, "identity", "spool", "detectors"}) {
+  for (const char* name :
+       {kStateFile, kSecretFile, "identity", "spool", "detectors", "cameras.json", "lenses"}) {
     RIGCAL_RETURN_IF_ERROR(CheckOwner(directory / name));
   }
   RIGCAL_ASSIGN_OR_RETURN(FileDescriptor lock, Lock(directory));

@@ -14,6 +14,7 @@
 #include "common/wire/camera_wire.h"
 #include "common/wire/detector_wire.h"
 #include "common/wire/observation_wire.h"
+#include "common/wire/offer_wire.h"
 #include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
 #include "common/wire/spool_wire.h"
@@ -106,6 +107,9 @@ absl::Status Conversation::Handle(const v1::ConnectResponse& message, Clock::tim
     case v1::ConnectResponse::kDetectorRequest:
       HandleDetectorRequest(message.detector_request());
       break;
+    case v1::ConnectResponse::kChoiceRequest:
+      HandleChoiceRequest(message.choice_request());
+      break;
     case v1::ConnectResponse::MESSAGE_NOT_SET:
       // A server one minor version newer may send kinds that are not known here.
       spdlog::debug("server {}: a message of a kind that is not known here", options_.server);
@@ -130,6 +134,7 @@ absl::Status Conversation::HandleHello(const v1::ServerHello& hello) {
   }
   agent_.server_id = hello.server_id();
   greeted_ = true;
+  takes_offers_ = hello.takes_offers();
   spdlog::info("server {}: connected as {} (incarnation {}, connection {})", options_.server,
                options_.agent_id, options_.incarnation, connection_);
   agent_.plan->BeginConnection(BatchRows(options_.max_batch_rows, hello));
@@ -162,6 +167,31 @@ void Conversation::HandleDetectorRequest(const v1::DetectorRequest& request) {
     return;
   }
   agent_.detectors->Request(*std::move(asked));
+}
+
+void Conversation::HandleChoiceRequest(const v1::ChoiceRequest& request) {
+  absl::StatusOr<ChoiceRequest> asked = wire::FromProto(request);
+  if (!asked.ok()) {
+    spdlog::warn("server {}: a choice of a camera is refused: {}", options_.server,
+                 std::string(asked.status().message()));
+    return;
+  }
+  if (agent_.offers != nullptr) agent_.offers->Request(*std::move(asked));
+}
+
+std::optional<v1::ConnectRequest> Conversation::NextOffer() {
+  if (agent_.offers == nullptr || !takes_offers_) return std::nullopt;
+  v1::ConnectRequest message;
+  // Before the answer, so that who has it finds the camera in its new state.
+  if (const auto offer = agent_.offers->TakeOffer()) {
+    *message.mutable_offer() = wire::ToProto(*offer);
+    return message;
+  }
+  if (const auto answer = agent_.offers->TakeAnswer()) {
+    *message.mutable_choice_answer() = wire::ToProto(*answer);
+    return message;
+  }
+  return std::nullopt;
 }
 
 void Conversation::HandlePosition(const StreamKey& stream, const v1::StreamPosition& position) {
@@ -298,6 +328,7 @@ std::optional<v1::ConnectRequest> Conversation::Next(Clock::time_point now) {
     *message.mutable_detector_answer() = wire::ToProto(*answer);
     return message;
   }
+  if (auto offer = NextOffer()) return offer;
   std::optional<DeliveryPlan::Message> next = agent_.plan->Next(now);
   if (!next) {
     // Only when there is nothing else to send.

@@ -13,6 +13,7 @@
 #include "absl/status/status.h"
 #include "agent/capture/learning/detector_learner.h"
 #include "agent/capture/preview/preview_worker.h"
+#include "agent/offer/camera_offers.h"
 #include "agent/spool/delivery_plan.h"
 #include "agent/stamp/camera_pipeline.h"
 #include "rigcal/v1/ingest_service.pb.h"
@@ -66,6 +67,7 @@ class Conversation {
     const CameraPipelines* cameras = nullptr;
     PreviewWorker* previews = nullptr;
     DetectorLearner* detectors = nullptr;
+    CameraOffers* offers = nullptr;  // null: the agent offers nothing
     DeliveryPlan* plan = nullptr;
     std::string server_id = {};  // of the server of the connection before; empty: none
   };
@@ -102,6 +104,9 @@ class Conversation {
   void HandlePong(const v1::TimePong& pong);
   void HandlePreviewRequest(const v1::PreviewRequest& request);
   void HandleDetectorRequest(const v1::DetectorRequest& request);
+  void HandleChoiceRequest(const v1::ChoiceRequest& request);
+  // Answers about the offered cameras, and what is offered.
+  std::optional<v1::ConnectRequest> NextOffer();
   void HandlePosition(const StreamKey& stream, const v1::StreamPosition& position);
   void BeginCapture(const StreamKey& stream, const Target& target, uint32_t durable_seq);
   std::optional<v1::ConnectRequest> NextReport();
@@ -115,7 +120,8 @@ class Conversation {
   const Clock::time_point start_;
 
   bool greeted_ = false;
-  bool progressed_ = false;  // something became durable
+  bool takes_offers_ = false;  // the server does
+  bool progressed_ = false;    // something became durable
   Clock::time_point last_heard_ = start_;
   Clock::time_point next_ping_ = start_;
   Clock::time_point next_report_ = start_ + options_.report_interval;

@@ -49,22 +49,16 @@ std::shared_ptr<grpc::Channel> Uplink::MakeChannel(const std::string& address,
 
 absl::StatusOr<std::unique_ptr<Uplink>> Uplink::Create(
     UplinkOptions options, std::vector<std::unique_ptr<ObservationSource>> sources,
-    ObservationSpool* spool, ChannelFactory make_channel) {
+    ObservationSpool* spool, ChannelFactory make_channel, std::unique_ptr<CameraOffers> offers) {
   std::unique_ptr<Uplink> uplink(new Uplink(std::move(options), spool, std::move(make_channel)));
   const auto wake = [raw = uplink.get()] { raw->Wake(); };
   RIGCAL_ASSIGN_OR_RETURN(uplink->cameras_, MakePipelines(std::move(sources), spool, wake));
-  uplink->previews_ = std::make_unique<PreviewWorker>(uplink->options_.previews, wake);
-  DetectorLearner::Detectors detectors;
-  for (const auto& [name, pipeline] : uplink->cameras_) {
-    detectors[name] = pipeline->detector_control();
-  }
-  uplink->detectors_ =
-      std::make_unique<DetectorLearner>(uplink->options_.learning, std::move(detectors), wake);
-  uplink->agent_ = {.spool = spool,
-                    .cameras = &uplink->cameras_,
-                    .previews = uplink->previews_.get(),
-                    .detectors = uplink->detectors_.get(),
-                    .plan = &uplink->plan_};
+  uplink->offers_ = std::move(offers);
+  uplink->agent_.spool = spool;
+  uplink->agent_.cameras = &uplink->cameras_;
+  uplink->agent_.offers = uplink->offers_.get();
+  uplink->agent_.plan = &uplink->plan_;
+  uplink->ServeCameras();
   for (const auto& [name, pipeline] : uplink->cameras_) {
     if (pipeline->description().clock.timebase.empty()) uplink->plan_.RequireAlignment(name);
   }
@@ -81,6 +75,64 @@ Uplink::Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory ma
 void Uplink::Start() {
   for (const auto& [name, pipeline] : cameras_) pipeline->Start();
   thread_ = std::thread([this] { Run(); });
+  if (offers_) offers_->Start([this] { Wake(); }, [this] { return IsCapturing(); });
+}
+
+void Uplink::ServeCameras() {
+  const auto wake = [this] { Wake(); };
+  previews_ = std::make_unique<PreviewWorker>(options_.previews, wake);
+  DetectorLearner::Detectors detectors;
+  for (const auto& [name, pipeline] : cameras_) detectors[name] = pipeline->detector_control();
+  detectors_ = std::make_unique<DetectorLearner>(options_.learning, std::move(detectors), wake);
+  agent_.previews = previews_.get();
+  agent_.detectors = detectors_.get();
+}
+
+void Uplink::ChangeCameras() {
+  if (!offers_) return;
+  std::optional<CameraOffers::Change> change = offers_->TakeChange();
+  if (!change) return;
+  offers_->Settle(Guarded("changing the cameras", [&] { return Make(*std::move(change)); }));
+}
+
+absl::Status Uplink::Make(CameraOffers::Change change) {
+  RIGCAL_RETURN_IF_ERROR(CheckDrop(change.dropped));
+  // They use what is about to go; what they were asked is asked again.
+  previews_->Shutdown();
+  detectors_->Shutdown();
+  {
+    const std::lock_guard lock(cameras_mutex_);
+    if (change.added) {
+      const std::string name = change.added->description().camera;
+      auto pipeline =
+          std::make_unique<CameraPipeline>(std::move(change.added), spool_, [this] { Wake(); });
+      if (pipeline->description().clock.timebase.empty()) plan_.RequireAlignment(name);
+      pipeline->Start();
+      cameras_.insert_or_assign(name, std::move(pipeline));
+    } else {
+      cameras_.erase(change.dropped);
+    }
+    cameras_changed_ = true;
+  }
+  ServeCameras();
+  return absl::OkStatus();
+}
+
+absl::Status Uplink::CheckDrop(const std::string& camera) const {
+  if (camera.empty()) return absl::OkStatus();
+  for (const SpooledStream& spooled : spool_->Streams()) {
+    if (spooled.stream.camera != camera) continue;
+    return absl::FailedPreconditionError(
+        absl::StrCat("camera ", camera, " has observations of session ", spooled.stream.session_id,
+                     " that the server does not have yet; drop it when they are delivered"));
+  }
+  return absl::OkStatus();
+}
+
+bool Uplink::IsCapturing() const {
+  const std::lock_guard lock(cameras_mutex_);
+  return std::ranges::any_of(cameras_,
+                             [](const auto& camera) { return !camera.second->Sessions().empty(); });
 }
 
 LeftBehind Uplink::Shutdown(std::chrono::milliseconds patience) {
@@ -88,9 +140,13 @@ LeftBehind Uplink::Shutdown(std::chrono::milliseconds patience) {
     const std::lock_guard lock(mutex_);
     if (!leave_by_) leave_by_ = Clock::now() + patience;
   }
-  for (const auto& [name, pipeline] : cameras_) pipeline->EndAll();
+  {
+    const std::lock_guard lock(cameras_mutex_);
+    for (const auto& [name, pipeline] : cameras_) pipeline->EndAll();
+  }
   Wake();
   if (thread_.joinable()) thread_.join();
+  if (offers_) offers_->Shutdown();
   if (previews_) previews_->Shutdown();  // none in an uplink whose creation failed
   if (detectors_) detectors_->Shutdown();
   spool_->Shutdown();
@@ -152,7 +208,10 @@ void Uplink::Run() {
           std::string(fault.message()));
     }
     const Clock::time_point next_attempt = Clock::now() + wait;
-    while (Clock::now() < next_attempt && !IsTimeToLeave()) WaitUntil(next_attempt);
+    while (Clock::now() < next_attempt && !IsTimeToLeave()) {
+      ChangeCameras();
+      WaitUntil(next_attempt);
+    }
   }
 }
 
@@ -161,6 +220,8 @@ absl::Status Uplink::Serve(Conversation& conversation) {
   // Nobody waits any more for what was asked for over an earlier connection.
   previews_->Forget();
   detectors_->Forget();
+  if (offers_) offers_->Forget();
+  cameras_changed_ = false;
   connection.Write(conversation.Hello());
   while (true) {
     for (const v1::ConnectResponse& message : connection.TakeMessages()) {
@@ -172,16 +233,10 @@ absl::Status Uplink::Serve(Conversation& conversation) {
     RIGCAL_RETURN_IF_ERROR(conversation.CheckTimeouts(Clock::now()));
     if (TakeReconnect()) return absl::OkStatus();
     if (IsTimeToLeave()) {
-      connection.FinishWriting();
-      const Clock::time_point give_up = Clock::now() + kGoodbye;
-      while (!connection.Result() && Clock::now() < give_up) {
-        connection.TakeMessages();
-        std::unique_lock lock(mutex_);
-        woken_changed_.wait_until(lock, give_up, [this] { return woken_; });
-        woken_ = false;
-      }
+      Leave(connection);
       return absl::OkStatus();
     }
+    ChangeCameras();
     const bool can_write = connection.CanWrite();
     if (conversation.greeted() && can_write) {
       if (auto message = conversation.Next(Clock::now())) {
@@ -189,8 +244,24 @@ absl::Status Uplink::Serve(Conversation& conversation) {
         Failpoint("after_send");
         continue;
       }
+      // The next hello announces the changed cameras; the answers have left.
+      if (cameras_changed_ && !offers_->IsChanging()) {
+        Leave(connection);
+        return absl::OkStatus();
+      }
     }
     WaitUntil(conversation.NextDeadline(Clock::now(), can_write));
+  }
+}
+
+void Uplink::Leave(UplinkConnection& connection) {
+  connection.FinishWriting();
+  const Clock::time_point give_up = Clock::now() + kGoodbye;
+  while (!connection.Result() && Clock::now() < give_up) {
+    connection.TakeMessages();
+    std::unique_lock lock(mutex_);
+    woken_changed_.wait_until(lock, give_up, [this] { return woken_; });
+    woken_ = false;
   }
 }
 

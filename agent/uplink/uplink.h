@@ -16,6 +16,7 @@
 #include "absl/status/statusor.h"
 #include "agent/capture/learning/detector_learner.h"
 #include "agent/capture/preview/preview_worker.h"
+#include "agent/offer/camera_offers.h"
 #include "agent/spool/delivery_plan.h"
 #include "agent/stamp/camera_pipeline.h"
 #include "agent/uplink/backoff.h"
@@ -27,6 +28,8 @@ class Channel;
 }
 
 namespace rigcal::agent {
+
+class UplinkConnection;
 
 // Observations that were not acknowledged when the agent ended.
 struct LeftBehind {
@@ -48,11 +51,12 @@ class Uplink {
   static std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address,
                                                     const wire::ClientIdentity& identity = {});
 
-  // `spool` outlives the uplink. `sources` are the agent's cameras. INVALID_ARGUMENT as for
-  // MakePipelines.
+  // `spool` outlives the uplink. `sources` are the agent's cameras; `offers`, where there are any,
+  // changes them while it runs. INVALID_ARGUMENT as for MakePipelines.
   static absl::StatusOr<std::unique_ptr<Uplink>> Create(
       UplinkOptions options, std::vector<std::unique_ptr<ObservationSource>> sources,
-      ObservationSpool* spool, ChannelFactory make_channel);
+      ObservationSpool* spool, ChannelFactory make_channel,
+      std::unique_ptr<CameraOffers> offers = nullptr);
   ~Uplink() { Shutdown(std::chrono::milliseconds(0)); }
   Uplink(const Uplink&) = delete;
   Uplink& operator=(const Uplink&) = delete;
@@ -73,6 +77,15 @@ class Uplink {
   void Run();
   // OK: it is time to leave, or to connect again.
   absl::Status Serve(Conversation& conversation);
+  // Tells the server that this connection ends, and waits for its end for a moment.
+  void Leave(UplinkConnection& connection);
+  // Makes what serves the cameras as they are now.
+  void ServeCameras();
+  // Makes the change of cameras that the offers have, if they have one.
+  void ChangeCameras();
+  absl::Status Make(CameraOffers::Change change);
+  absl::Status CheckDrop(const std::string& camera) const;
+  bool IsCapturing() const;
   Backoff::Duration WaitAfter(const Conversation& conversation, const absl::Status& status);
 
   void Wake();
@@ -84,10 +97,14 @@ class Uplink {
   const UplinkOptions options_;
   ObservationSpool* const spool_;
   const ChannelFactory make_channel_;
+  // Changed by thread_ alone, with this mutex, which others hold to read them.
+  mutable std::mutex cameras_mutex_;
   CameraPipelines cameras_;
+  bool cameras_changed_ = false;  // since the hello of this connection
   // These two use the sources of cameras_.
   std::unique_ptr<PreviewWorker> previews_;
   std::unique_ptr<DetectorLearner> detectors_;
+  std::unique_ptr<CameraOffers> offers_;  // null: none
   DeliveryPlan plan_;
   Backoff backoff_;
   Conversation::Agent agent_;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/agent_command.h"
+#include "client/commands/camera_choice_command.h"
 #include "client/commands/camera_command.h"
 #include "client/commands/command_parser.h"
 
@@ -45,11 +46,43 @@ void AddDetectorCommands(CommandParser& parser, CLI::App* cameras) {
   set->add_flag("--reset", colour->reset, "Back to the agent's configuration");
 }
 
+void AddCameraList(CLI::App* app, CameraListOptions* options) {
+  AddOption(app, "--rig", "RIG", &options->rig, "Cameras of this rig only");
+  AddOption(app, "--agent", "AGENT", &options->agent_id, "Cameras of this agent only");
+  app->add_flag("--json", options->json, "The same as -o json");
+}
+
+void AddChoiceCommands(CommandParser& parser, CLI::App* cameras) {
+  auto [list, listed] =
+      parser.AddCommand(cameras, "list", "The same as `rigcal cameras` alone", ListCameras);
+  AddCameraList(list, listed);
+
+  auto [use, used] = parser.AddCommand(
+      cameras, "use", "Have an agent use a camera that it offers, now and after its restarts",
+      UseCamera);
+  AddArgument(use, "AGENT/DEVICE", "As `rigcal cameras` lists them; the agent may be left out",
+              &used->device);
+  AddOption(use, "--name", "NAME", &used->camera, "Name of the camera within the rig")->required();
+  AddOption(use, "--calibration", "FILE", &used->calibration_file,
+            "OpenCV YAML of its lens; needed to solve, not to capture");
+
+  auto [drop, dropped] = parser.AddCommand(
+      cameras, "drop", "No longer use a chosen camera; what it has seen stays", DropCamera);
+  AddCamera(drop, dropped);
+}
+
 }  // namespace
 
 void AddCameraCommands(CommandParser& parser) {
-  CLI::App* cameras = parser.AddGroup(
-      "camera", "Cameras: whose they are, their detectors (move, detector, mask, tune, colour)");
+  auto [cameras, list] = parser.AddCommand(
+      nullptr, "camera",
+      "Cameras: which there are, which are used, their detectors (list, use, drop, move, detector, "
+      "mask, tune, colour)",
+      ListCameras);
+  cameras->alias("cameras");
+  cameras->require_subcommand(0, 1);
+  AddCameraList(cameras, list);
+  AddChoiceCommands(parser, cameras);
   auto [move, camera] = parser.AddCommand(
       cameras, "move",
       "Give a camera to another agent: it belongs to the first one that announced it, and no other "

@@ -71,7 +71,9 @@ class WrappingFormatter : public CLI::Formatter {
   }
   std::string make_subcommand(const CLI::App* app) const override {
     std::stringstream out;
-    CLI::detail::format_help(out, app->get_name(), Wrap(app->get_description()), kNameColumns);
+    std::string names = app->get_name();
+    for (const std::string& alias : app->get_aliases()) absl::StrAppend(&names, ",", alias);
+    CLI::detail::format_help(out, names, Wrap(app->get_description()), kNameColumns);
     return out.str();
   }
 };
@@ -117,7 +119,8 @@ CLI::App* CommandParser::AddCommand(CLI::App* parent, const std::string& name,
                                     const std::string& description, Command command,
                                     bool asks_server) {
   CLI::App* app = (parent == nullptr ? &app_ : parent)->add_subcommand(name, description);
-  app->callback([this, command = std::move(command), asks_server] {
+  app->callback([this, app, command = std::move(command), asks_server] {
+    if (!app->get_subcommands().empty()) return;
     chosen_ = command;
     asks_server_ = asks_server;
   });

@@ -27,7 +27,8 @@ class CommandParser {
   // A word that needs one of its subcommands behind it.
   CLI::App* AddGroup(const std::string& name, const std::string& description);
   // A word that does something, with -o and, where it asks a server, --server. `parent` null: at
-  // the top. It runs only when the whole command line is right.
+  // the top. It runs only when the whole command line is right, and none of its own subcommands was
+  // typed.
   CLI::App* AddCommand(CLI::App* parent, const std::string& name, const std::string& description,
                        Command command, bool asks_server = true);
   // One that runs with options, which the arguments added to it are to set. They live as long as

@@ -122,6 +122,37 @@ Check CheckAgents(const v1::ListAgentsResponse& agents) {
           "start rigcal-agent --server HOST:PORT on the PC of each camera"};
 }
 
+std::optional<Check> CheckOfferedCameras(const v1::ListAgentsResponse& agents) {
+  size_t found = 0;
+  size_t free = 0;
+  std::vector<std::string> away;  // chosen ones
+  std::vector<std::string> notes;
+  for (const v1::Agent& agent : agents.agents()) {
+    if (!agent.connected()) continue;
+    for (const v1::OfferedCamera& camera : agent.offered()) {
+      ++found;
+      const std::string device = absl::StrCat(agent.agent_id(), "/", camera.device());
+      const bool is_chosen = !camera.camera().empty();
+      if (camera.use() == v1::OfferedCamera::USE_FREE && !is_chosen) ++free;
+      if (camera.use() != v1::OfferedCamera::USE_TAKES_PART && is_chosen) {
+        away.push_back(absl::StrCat(device, " (", camera.camera(), ")"));
+      }
+      // One that another program uses may be none of ours.
+      const bool matters = is_chosen || camera.use() == v1::OfferedCamera::USE_NO_PERMISSION;
+      if (matters && !camera.note().empty())
+        notes.push_back(absl::StrCat(device, ": ", camera.note()));
+    }
+  }
+  if (found == 0) return std::nullopt;
+  const std::string counts = absl::StrCat(FormatCount(found, "camera"), " found, ", free,
+                                          " of them not used; rigcal cameras lists them");
+  if (away.empty() && notes.empty()) return Check{CheckLevel::kOk, "cameras", counts};
+  return Check{
+      CheckLevel::kWarn, "cameras",
+      away.empty() ? counts : absl::StrCat("chosen, and take no part: ", absl::StrJoin(away, ", ")),
+      absl::StrJoin(notes, "; ")};
+}
+
 Check CheckIntrinsics(const v1::ListAgentsResponse& agents) {
   size_t connected = 0;
   std::vector<std::string> without;

@@ -59,7 +59,10 @@ std::vector<Check> CheckServer(ServerConnection& server, const v1::GetStatusResp
   checks.push_back(CheckConnections(status.connections()));
   const auto agents = ReadAllPages(server, &v1::AgentService::Stub::ListAgents);
   checks.push_back(agents.ok() ? CheckAgents(*agents) : CannotAsk("agents", agents.status()));
-  if (agents.ok()) checks.push_back(CheckIntrinsics(*agents));
+  if (agents.ok()) {
+    if (auto cameras = CheckOfferedCameras(*agents)) checks.push_back(*std::move(cameras));
+    checks.push_back(CheckIntrinsics(*agents));
+  }
   const auto sessions = ReadSessions(server);
   const double now_s = absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch());
   checks.push_back(sessions.ok() ? CheckSessions(*sessions, now_s)

@@ -66,6 +66,8 @@ Check CheckIngest(const rigcal::v1::IngestStatus& ingest);
 Check CheckConnections(const rigcal::v1::ConnectionStatus& connections);
 Check CheckDisk(const rigcal::v1::StoreStatus& store);
 Check CheckAgents(const rigcal::v1::ListAgentsResponse& agents);
+// Cameras that agents see or have chosen. None: nothing is offered.
+std::optional<Check> CheckOfferedCameras(const rigcal::v1::ListAgentsResponse& agents);
 Check CheckIntrinsics(const rigcal::v1::ListAgentsResponse& agents);
 // `now_s`: seconds since 1970, UTC.
 Check CheckSessions(const rigcal::v1::ListSessionsResponse& sessions, double now_s);

@@ -7,8 +7,9 @@ namespace {
 // Names have at most 64 characters (ValidateName); what is too long by a little is refused there,
 // in words about names.
 constexpr uint32_t kName = 256;
-constexpr uint32_t kWord = 1024;  // versions, hosts, camera models
-constexpr uint32_t kText = 4096;  // titles, filters, messages
+constexpr uint32_t kWord = 1024;      // versions, hosts, camera models
+constexpr uint32_t kText = 4096;      // titles, filters, messages
+constexpr uint32_t kLens = 64 << 10;  // text of an OpenCV YAML
 constexpr uint32_t kCameras = 1024;
 // Rows of a batch, and markers of all of them: max_batch_rows times the markers of a target.
 constexpr uint32_t kRows = 1 << 16;
@@ -46,6 +47,7 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.CameraSettings.pixel_format", .bytes = kWord},
     {.field = "rigcal.v1.CameraSettings.trigger", .bytes = kWord},
     {.field = "rigcal.v1.CancelCalibrationRequest.id", .bytes = kName},
+    {.field = "rigcal.v1.ChoiceAnswer.message", .bytes = kText},
     {.field = "rigcal.v1.ClearMaskRequest.camera", .bytes = kName},
     {.field = "rigcal.v1.ClearMaskRequest.rig", .bytes = kName},
     {.field = "rigcal.v1.Clock.clock_id", .bytes = kName},
@@ -67,6 +69,8 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.DetectorAnswer.message", .bytes = kText},
     {.field = "rigcal.v1.DetectorLearning.message", .bytes = kText},
     {.field = "rigcal.v1.DiscardSessionRequest.id", .bytes = kName},
+    {.field = "rigcal.v1.DropCameraRequest.camera", .bytes = kName},
+    {.field = "rigcal.v1.DropCameraRequest.rig", .bytes = kName},
     {.field = "rigcal.v1.EndOfCapture.camera", .bytes = kName},
     {.field = "rigcal.v1.EndOfCapture.session_id", .bytes = kName},
     {.field = "rigcal.v1.ExplainCalibrationRequest.id", .bytes = kName},
@@ -127,6 +131,14 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.ObservationBatch.visible_mask", .count = kRows},
     {.field = "rigcal.v1.ObservationBatch.x_px", .count = kMarkers},
     {.field = "rigcal.v1.ObservationBatch.y_px", .count = kMarkers},
+    {.field = "rigcal.v1.OfferedCamera.address", .bytes = kWord},
+    {.field = "rigcal.v1.OfferedCamera.camera", .bytes = kName},
+    {.field = "rigcal.v1.OfferedCamera.device", .bytes = kWord},
+    {.field = "rigcal.v1.OfferedCamera.kind", .bytes = kName},
+    {.field = "rigcal.v1.OfferedCamera.model", .bytes = kWord},
+    {.field = "rigcal.v1.OfferedCamera.note", .bytes = kText},
+    {.field = "rigcal.v1.OfferedCamera.vendor", .bytes = kWord},
+    {.field = "rigcal.v1.OfferedCameras.cameras", .count = kCameras},
     {.field = "rigcal.v1.OriginOptions.measured", .count = kMeasured},
     {.field = "rigcal.v1.OriginOptions.points", .count = 256},
     {.field = "rigcal.v1.Preview.jpeg", .bytes = 4u << 20},
@@ -172,6 +184,10 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.TuneDetectorRequest.rig", .bytes = kName},
     {.field = "rigcal.v1.UploadBatchRequest.agent_id", .bytes = kName},
     {.field = "rigcal.v1.UploadBatchRequest.installation_secret", .bytes = kWord},
+    {.field = "rigcal.v1.UseCameraRequest.agent_id", .bytes = kName},
+    {.field = "rigcal.v1.UseCameraRequest.calibration_yaml", .bytes = kLens},
+    {.field = "rigcal.v1.UseCameraRequest.camera", .bytes = kName},
+    {.field = "rigcal.v1.UseCameraRequest.device", .bytes = kWord},
     {.field = "rigcal.v1.WatchCalibrationRequest.id", .bytes = kName},
     {.field = "rigcal.v1.WatchSessionRequest.id", .bytes = kName},
 };

@@ -8,6 +8,8 @@ _SCRIPT = """\
   COMPREPLY=()
   for word in "${{COMP_WORDS[@]:1:COMP_CWORD-1}}"; do
     case "${{command:+$command }}$word" in
+{aliases}    esac
+    case "${{command:+$command }}$word" in
       {commands}) command="${{command:+$command }}$word" ;;
     esac
   done
@@ -56,7 +58,11 @@ def script(program):
         if not first and not command.entries(lambda title: title == "Positionals"):
             first = options
         words.append("    " + _case(f'"{" ".join(command.path[1:])}"', f'words="{first}" options="{options}"'))
+    aliases = "".join(
+        f'      "{" ".join([*command.path[1:-1], alias])}") word={command.path[-1]} ;;\n'
+        for command in program.all() for alias in command.aliases)
     return _SCRIPT.format(
+        aliases=aliases,
         program=name,
         function="_" + name.replace("-", "_"),
         commands=" | ".join(f'"{path}"' for path in below) or '""',

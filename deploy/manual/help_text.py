@@ -46,6 +46,8 @@ class Command:
     usage: str
     sections: list
     commands: list
+    # Other words for the last one of the path.
+    aliases: list = dataclasses.field(default_factory=list)
 
     def entries(self, is_wanted=lambda title: title not in ("Subcommands", "Positionals")):
         return [e for s in self.sections if is_wanted(s.title) for e in s.entries]
@@ -117,5 +119,7 @@ def read(program, path):
     run = subprocess.run([program, *path[1:], "--help"], capture_output=True, text=True, check=True)
     command = parse(path, run.stdout)
     for entry in command.entries(lambda title: title == "Subcommands"):
-        command.commands.append(read(program, path + entry.names()[:1]))
+        below = read(program, path + entry.names()[:1])
+        below.aliases = entry.names()[1:]
+        command.commands.append(below)
     return command

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/wire/agent_wire.h"
+#include "common/wire/offer_wire.h"
 #include "rigcal/v1/agent_service.grpc.pb.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/list_arguments.h"
@@ -39,7 +40,8 @@ absl::StatusOr<bool> Matches(const AgentRecord& agent,
 
 class AgentService final : public v1::AgentService::Service {
  public:
-  explicit AgentService(const AgentDirectory* directory) : directory_(*directory) {}
+  AgentService(const AgentDirectory* directory, const CameraChoices* choices)
+      : directory_(*directory), choices_(*choices) {}
 
   grpc::Status ListAgents(grpc::ServerContext*, const v1::ListAgentsRequest* request,
                           v1::ListAgentsResponse* response) override {
@@ -55,8 +57,11 @@ class AgentService final : public v1::AgentService::Service {
       std::sort(agents.begin(), agents.end(), [&](const auto& a, const auto& b) {
         return Precedes(a.position, b.position, list.order);
       });
-      const auto describe = [](const AgentRecord& agent, v1::Agent* proto) {
+      const auto describe = [this](const AgentRecord& agent, v1::Agent* proto) {
         *proto = wire::ToProto(agent);
+        for (const OfferedCamera& camera : choices_.OffersOf(agent.agent_id)) {
+          *proto->add_offered() = wire::ToProto(camera);
+        }
         return absl::OkStatus();
       };
       return FillPage(list, agents, describe, response->mutable_agents(),
@@ -66,12 +71,14 @@ class AgentService final : public v1::AgentService::Service {
 
  private:
   const AgentDirectory& directory_;
+  const CameraChoices& choices_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> MakeAgentService(const RpcServerParts& parts) {
-  return std::make_unique<AgentService>(parts.directory);
+std::unique_ptr<grpc::Service> MakeAgentService(const RpcServerParts& parts,
+                                                const CameraChoices* choices) {
+  return std::make_unique<AgentService>(parts.directory, choices);
 }
 
 }  // namespace rigcal::server

@@ -12,6 +12,7 @@
 #include "common/wire/agent_wire.h"
 #include "common/wire/detector_wire.h"
 #include "common/wire/grpc_status.h"
+#include "common/wire/offer_wire.h"
 #include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
 #include "common/wire/request_traits.h"
@@ -170,6 +171,7 @@ void AgentStream::Register(AgentHello hello) {
   WarnOfEnd(caller_.peer);
   v1::ServerHello answer;
   *answer.mutable_protocol_version() = wire::OwnProtocolVersion();
+  answer.set_takes_offers(true);
   answer.set_software_version(std::string(wire::kSoftwareVersion));
   answer.set_server_id(environment_.server_id);
   answer.set_max_message_bytes(environment_.options.max_message_bytes);
@@ -223,6 +225,10 @@ void AgentStream::TakeMessage() {
       return TakePreview();
     case v1::ConnectRequest::kDetectorAnswer:
       return TakeDetectorAnswer();
+    case v1::ConnectRequest::kOffer:
+      return TakeOffer();
+    case v1::ConnectRequest::kChoiceAnswer:
+      return TakeChoiceAnswer();
     case v1::ConnectRequest::kHello:
       return Close(absl::InvalidArgumentError("hello: was sent already on this stream"));
     case v1::ConnectRequest::MESSAGE_NOT_SET:
@@ -252,6 +258,33 @@ void AgentStream::TakeDetectorAnswer() {
     ReadNext();
   }
   environment_.detectors->TakeAnswer(registration, *std::move(answer));
+}
+
+void AgentStream::TakeOffer() {
+  absl::StatusOr<std::vector<OfferedCamera>> cameras = wire::FromProto(request_.offer());
+  if (!cameras.ok()) return Refuse(cameras.status());
+  AgentDirectory::Registration registration = 0;
+  {
+    std::lock_guard lock(mutex_);
+    registration = registration_;
+    // One of a stream that has ended would stay for ever.
+    if (registration != 0 && !done_) {
+      environment_.choices->TakeOffer(registration, agent_id_, *std::move(cameras));
+    }
+    ReadNext();
+  }
+}
+
+void AgentStream::TakeChoiceAnswer() {
+  absl::StatusOr<ChoiceAnswer> answer = wire::FromProto(request_.choice_answer());
+  if (!answer.ok()) return Refuse(answer.status());
+  AgentDirectory::Registration registration = 0;
+  {
+    std::lock_guard lock(mutex_);
+    registration = registration_;
+    ReadNext();
+  }
+  environment_.choices->TakeAnswer(registration, *std::move(answer));
 }
 
 void AgentStream::Deliver(absl::StatusOr<Delivery> delivery) {
@@ -395,6 +428,7 @@ void AgentStream::OnDone() {
     environment_.coordinator->DisconnectAgent(registration);
     environment_.previews->AgentGone(registration);
     environment_.detectors->AgentGone(registration);
+    environment_.choices->AgentGone(registration);
     spdlog::info("agent {} disconnected", agent_id_);
   }
   if (counted_) --environment_.open_streams;

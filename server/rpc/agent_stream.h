@@ -23,6 +23,7 @@
 #include "server/rpc/outgoing_messages.h"
 #include "server/rpc/streams_without_hello.h"
 #include "server/session/agent_registry.h"
+#include "server/session/camera_choices.h"
 #include "server/session/detector_broker.h"
 #include "server/session/preview_broker.h"
 #include "server/session/session_coordinator.h"
@@ -51,6 +52,7 @@ struct AgentStreamEnvironment {
   Ingest* ingest = nullptr;
   PreviewBroker* previews = nullptr;
   DetectorBroker* detectors = nullptr;
+  CameraChoices* choices = nullptr;
   std::string server_id;
   CallSecurity* security = nullptr;
   AgentRegistry* registry = nullptr;  // null: agents and cameras belong to nobody
@@ -96,6 +98,8 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   void TakeMessage();
   void TakePreview();
   void TakeDetectorAnswer();
+  void TakeOffer();
+  void TakeChoiceAnswer();
   void Deliver(absl::StatusOr<Delivery> delivery);
   void Submit();
   void Delivered(absl::StatusOr<BatchAck> ack);

@@ -6,6 +6,7 @@
 
 #include "common/wire/agent_wire.h"
 #include "common/wire/detector_wire.h"
+#include "common/wire/offer_wire.h"
 #include "common/wire/preview_wire.h"
 
 namespace rigcal::server {
@@ -33,6 +34,11 @@ class StreamLink final : public AgentLink {
   void SendDetectorRequest(const DetectorRequest& request) override {
     v1::ConnectResponse message;
     *message.mutable_detector_request() = wire::ToProto(request);
+    if (const auto stream = stream_.lock()) stream->Send(std::move(message));
+  }
+  void SendChoiceRequest(const ChoiceRequest& request) override {
+    v1::ConnectResponse message;
+    *message.mutable_choice_request() = wire::ToProto(request);
     if (const auto stream = stream_.lock()) stream->Send(std::move(message));
   }
   void Close(const absl::Status& reason) override {

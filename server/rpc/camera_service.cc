@@ -24,11 +24,13 @@ DetectorRequest RequestOf(DetectorCommand command, uint32_t frame_count = 0) {
 
 class CameraService final : public v1::CameraService::Service {
  public:
-  CameraService(const RpcServerParts& parts, PreviewBroker* previews, DetectorBroker* detectors)
+  CameraService(const RpcServerParts& parts, PreviewBroker* previews, DetectorBroker* detectors,
+                CameraChoices* choices)
       : directory_(*parts.directory),
         registry_(parts.registry),
         previews_(*previews),
-        detectors_(*detectors) {}
+        detectors_(*detectors),
+        choices_(*choices) {}
 
   grpc::Status GetPreview(grpc::ServerContext* context, const v1::GetPreviewRequest* request,
                           v1::GetPreviewResponse* response) override {
@@ -69,6 +71,35 @@ class CameraService final : public v1::CameraService::Service {
       response->set_camera(request->camera());
       response->set_agent_id(request->agent_id());
       response->set_previous_agent_id(std::move(before));
+      return absl::OkStatus();
+    });
+  }
+
+  grpc::Status UseCamera(grpc::ServerContext* context, const v1::UseCameraRequest* request,
+                         v1::UseCameraResponse* response) override {
+    return GuardedCall("UseCamera", [&]() -> absl::Status {
+      RIGCAL_ASSIGN_OR_RETURN(const CameraChoices::Chosen chosen,
+                              choices_.Use(request->agent_id(),
+                                           {.device = request->device(),
+                                            .camera = request->camera(),
+                                            .calibration_yaml = request->calibration_yaml()},
+                                           [context] { return context->IsCancelled(); }));
+      response->set_agent_id(chosen.agent_id);
+      response->set_rig(chosen.rig);
+      response->set_camera(request->camera());
+      return absl::OkStatus();
+    });
+  }
+
+  grpc::Status DropCamera(grpc::ServerContext* context, const v1::DropCameraRequest* request,
+                          v1::DropCameraResponse* response) override {
+    return GuardedCall("DropCamera", [&]() -> absl::Status {
+      RIGCAL_ASSIGN_OR_RETURN(const CameraChoices::Chosen chosen,
+                              choices_.Drop(request->rig(), request->camera(),
+                                            [context] { return context->IsCancelled(); }));
+      response->set_agent_id(chosen.agent_id);
+      response->set_rig(chosen.rig);
+      response->set_camera(request->camera());
       return absl::OkStatus();
     });
   }
@@ -126,14 +157,15 @@ class CameraService final : public v1::CameraService::Service {
   AgentRegistry* const registry_;
   PreviewBroker& previews_;
   DetectorBroker& detectors_;
+  CameraChoices& choices_;
 };
 
 }  // namespace
 
 std::unique_ptr<grpc::Service> MakeCameraService(const RpcServerParts& parts,
-                                                 PreviewBroker* previews,
-                                                 DetectorBroker* detectors) {
-  return std::make_unique<CameraService>(parts, previews, detectors);
+                                                 PreviewBroker* previews, DetectorBroker* detectors,
+                                                 CameraChoices* choices) {
+  return std::make_unique<CameraService>(parts, previews, detectors, choices);
 }
 
 }  // namespace rigcal::server

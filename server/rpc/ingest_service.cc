@@ -15,12 +15,14 @@
 namespace rigcal::server {
 IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coordinator,
                              Ingest* ingest, PreviewBroker* previews, DetectorBroker* detectors,
-                             std::string server_id, CallSecurity* security, AgentRegistry* registry)
+                             CameraChoices* choices, std::string server_id, CallSecurity* security,
+                             AgentRegistry* registry)
     : environment_{.options = options,
                    .coordinator = coordinator,
                    .ingest = ingest,
                    .previews = previews,
                    .detectors = detectors,
+                   .choices = choices,
                    .server_id = std::move(server_id),
                    .security = security,
                    .registry = registry} {

@@ -13,8 +13,8 @@ class IngestService final : public v1::IngestService::CallbackService {
  public:
   // `registry` may be null.
   IngestService(AgentStreamOptions options, SessionCoordinator* coordinator, Ingest* ingest,
-                PreviewBroker* previews, DetectorBroker* detectors, std::string server_id,
-                CallSecurity* security, AgentRegistry* registry);
+                PreviewBroker* previews, DetectorBroker* detectors, CameraChoices* choices,
+                std::string server_id, CallSecurity* security, AgentRegistry* registry);
   // After the server has ended every stream.
   ~IngestService() override { environment_.tasks.Shutdown(); }
 

@@ -31,10 +31,10 @@ constexpr std::chrono::milliseconds kFarewell{100};
 constexpr int kMaxReadBytes = 256 << 10;
 constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
-    "rigcal.v1.AgentService",        "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
-    "rigcal.v1.SessionService",      "rigcal.v1.CalibrationService", "rigcal.v1.LensService",
-    "rigcal.v1.LiveService",         "rigcal.v1.MaintenanceService", "rigcal.v1.RigService",
-    "rigcal.v1.StatusService",       "rigcal.v1.TriangulationService"};
+    "rigcal.v1.AgentService",   "rigcal.v1.CameraService",       "rigcal.v1.IdentityService",
+    "rigcal.v1.SessionService", "rigcal.v1.CalibrationService",  "rigcal.v1.LensService",
+    "rigcal.v1.LiveService",    "rigcal.v1.MaintenanceService",  "rigcal.v1.RigService",
+    "rigcal.v1.StatusService",  "rigcal.v1.TriangulationService"};
 
 // Both plugins are global to the process and must be on before the first server is built; and so is
 // the log of gRPC, which goes to ours at level debug: what matters of it comes back as a status,
@@ -108,12 +108,13 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
                 &conduct_, &audit_),
       previews_(options_.previews, parts.directory),
       detectors_(options_.detectors, parts.directory),
+      choices_(options_.choices, parts.directory, parts.registry),
       readers_(options_.readers, parts.store, parts.coordinator),
       live_answers_(parts.live),
       ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_, &detectors_,
-                      parts.store->server_id(), &security_, parts.registry) {
-  services_.push_back(MakeAgentService(parts));
-  services_.push_back(MakeCameraService(parts, &previews_, &detectors_));
+                      &choices_, parts.store->server_id(), &security_, parts.registry) {
+  services_.push_back(MakeAgentService(parts, &choices_));
+  services_.push_back(MakeCameraService(parts, &previews_, &detectors_, &choices_));
   services_.push_back(MakeIdentityService(parts));
   services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_, &security_));
@@ -236,6 +237,7 @@ void RpcServer::Shutdown(std::chrono::milliseconds grace) {
   server_->GetHealthCheckService()->SetServingStatus(false);
   previews_.Shutdown();
   detectors_.Shutdown();
+  choices_.Shutdown();
   parts_.directory->CloseAll(
       absl::UnavailableError("the server is shutting down; connect again after a moment"));
   watches_.EndStreams();

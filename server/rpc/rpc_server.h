@@ -40,6 +40,7 @@ struct RpcServerOptions {
   AgentStreamOptions agents = {};
   PreviewBrokerOptions previews = {};
   DetectorBrokerOptions detectors = {};
+  CameraChoicesOptions choices = {};
   ObservationReaderOptions readers = {};
   // Memory gRPC may hold for messages and connections, in all.
   size_t memory_limit_bytes = size_t{512} << 20;
@@ -96,6 +97,7 @@ class RpcServer {
   CallSecurity security_;
   PreviewBroker previews_;
   DetectorBroker detectors_;
+  CameraChoices choices_;
   WatchHub watches_;
   ObservationReaders readers_;
   LiveAnswers live_answers_;

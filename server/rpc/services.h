@@ -19,6 +19,7 @@
 #include "server/session/agent_directory.h"
 #include "server/session/agent_registry.h"
 #include "server/session/calibration_runner.h"
+#include "server/session/camera_choices.h"
 #include "server/session/detector_broker.h"
 #include "server/session/monitor_settings.h"
 #include "server/session/preview_broker.h"
@@ -44,10 +45,11 @@ struct RpcServerParts {
 };
 
 // The services of rigcal.v1 for clients; each in the file of its name.
-std::unique_ptr<grpc::Service> MakeAgentService(const RpcServerParts& parts);
+std::unique_ptr<grpc::Service> MakeAgentService(const RpcServerParts& parts,
+                                                const CameraChoices* choices);
 std::unique_ptr<grpc::Service> MakeCameraService(const RpcServerParts& parts,
-                                                 PreviewBroker* previews,
-                                                 DetectorBroker* detectors);
+                                                 PreviewBroker* previews, DetectorBroker* detectors,
+                                                 CameraChoices* choices);
 std::unique_ptr<grpc::Service> MakeIdentityService(const RpcServerParts& parts);
 std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, WatchHub* watches,
                                                   ObservationReaders* readers);

@@ -21,10 +21,6 @@ std::string Describe(const AgentRecord& agent) {
 }
 
 absl::Status CheckAnnouncement(const AgentRecord& agent, size_t max_cameras) {
-  if (agent.cameras.empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(Describe(agent), " announces no camera; give it at least one source"));
-  }
   if (agent.cameras.size() > max_cameras) {
     return absl::ResourceExhaustedError(absl::StrCat(
         Describe(agent), " announces ", agent.cameras.size(), " cameras; at most ", max_cameras,
@@ -194,6 +190,15 @@ std::vector<std::string> AgentDirectory::ConnectedCameraNames(std::string_view r
     names.push_back(camera.camera.description.camera);
   }
   return names;
+}
+
+std::optional<AgentDirectory::ConnectedAgent> AgentDirectory::FindAgent(
+    std::string_view agent_id) const {
+  std::lock_guard lock(mutex_);
+  const auto found = by_agent_id_.find(agent_id);
+  if (found == by_agent_id_.end() || !found->second.link) return std::nullopt;
+  const Entry& entry = found->second;
+  return ConnectedAgent{found->first, entry.agent.rig, entry.link, entry.registration};
 }
 
 std::vector<AgentRecord> AgentDirectory::List(std::string_view rig) const {

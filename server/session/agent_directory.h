@@ -49,11 +49,19 @@ class AgentDirectory {
     std::string rig = {};
   };
 
+  // A live agent, which may have no camera yet.
+  struct ConnectedAgent {
+    std::string agent_id;
+    std::string rig;
+    std::shared_ptr<AgentLink> link;
+    Registration registration = 0;
+  };
+
   explicit AgentDirectory(AgentDirectoryOptions options = {});
 
   // Adds the agent, which has passed wire::FromProto. The same agent_id with a higher (incarnation,
   // connection) replaces its older stream, which is closed with ABORTED.
-  //   INVALID_ARGUMENT    the same camera twice, no camera
+  //   INVALID_ARGUMENT    the same camera twice
   //   ABORTED             a newer stream of the same agent_id is connected; both are named
   //   ALREADY_EXISTS      a live agent with another agent_id, or another process or installation
   //                       with the same one, holds a camera; both and the camera are named. So is
@@ -68,6 +76,8 @@ class AgentDirectory {
   // Cameras of `rig` with a live agent, by name and rig. Empty `rig`: of every rig.
   std::vector<ConnectedCamera> ConnectedCameras(std::string_view rig) const;
   std::vector<std::string> ConnectedCameraNames(std::string_view rig) const;
+  // None: it is not connected.
+  std::optional<ConnectedAgent> FindAgent(std::string_view agent_id) const;
   // Connected and remembered ones, by agent_id. Empty `rig`: every rig.
   std::vector<AgentRecord> List(std::string_view rig) const;
   size_t ConnectedCount() const;

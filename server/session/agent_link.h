@@ -6,6 +6,7 @@
 #include "absl/status/status.h"
 #include "common/session/capture_command.h"
 #include "common/session/detector.h"
+#include "common/session/offer.h"
 #include "common/session/preview.h"
 
 namespace rigcal::server {
@@ -19,6 +20,7 @@ class AgentLink {
   virtual void SendStopCapture(const std::string& session_id) = 0;
   virtual void SendPreviewRequest(const PreviewRequest& request) = 0;
   virtual void SendDetectorRequest(const DetectorRequest& request) = 0;
+  virtual void SendChoiceRequest(const ChoiceRequest& request) = 0;
   // Ends the stream with `reason`.
   virtual void Close(const absl::Status& reason) = 0;
 };

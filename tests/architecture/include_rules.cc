@@ -42,6 +42,7 @@ const std::vector<Layer>& Layers() {
        {"agent/capture/genicam", "agent/capture/learning", "agent/capture/metavision",
         "agent/capture/recorded", "agent/capture/registry", "agent/capture/simulated",
         "agent/stamp"}},
+      {"agent: offered cameras", {"agent/offer"}},
       {"agent: the connection", {"agent/uplink"}},
       {"agent: commands", {"agent/command"}},
 

@@ -4,6 +4,11 @@
 #include "agent/capture/metavision/metavision_device.h"
 
 namespace rigcal::agent {
+
+absl::StatusOr<std::vector<std::string>> FindMetavisionDevices() {
+  return std::vector<std::string>();
+}
+
 absl::StatusOr<std::unique_ptr<MetavisionDevice>> OpenMetavisionDevice(
     const MetavisionRequest& request) {
   return absl::FailedPreconditionError(absl::StrCat(

@@ -48,6 +48,10 @@ struct MetavisionRequest {
   int trigger_channel = -1;  // must be an input in use; -1: any
 };
 
+// The event cameras that the SDK finds, as "integrator:plugin:serial"; none where this agent was
+// built without it. UNAVAILABLE: the SDK failed.
+absl::StatusOr<std::vector<std::string>> FindMetavisionDevices();
+
 // Opens a camera and applies its settings. Anti-flicker would remove the wand's light and is
 // switched off. NOT_FOUND: no such camera; lists the cameras found. FAILED_PRECONDITION: there are
 // several and none is named, or this agent was built without the SDK. INVALID_ARGUMENT: a setting

@@ -101,15 +101,6 @@ class HalDevice : public MetavisionDevice {
   bool started_ = false;
 };
 
-// As "integrator:plugin:serial".
-absl::StatusOr<std::vector<std::string>> ListDevices() {
-  std::vector<std::string> found;
-  RIGCAL_RETURN_IF_ERROR(WithoutExceptions("cannot look for event cameras", [&] {
-    for (const std::string& serial : Metavision::DeviceDiscovery::list()) found.push_back(serial);
-  }));
-  return found;
-}
-
 std::string Listed(const std::vector<std::string>& serials) {
   return serials.empty() ? "none; is it plugged in, is the camera's plugin found "
                            "(MV_HAL_PLUGIN_PATH), may this user open it (udev rules)?"
@@ -119,7 +110,7 @@ std::string Listed(const std::vector<std::string>& serials) {
 // What to ask for: the camera that is named, or the only one there is.
 absl::StatusOr<std::string> ChooseSerial(const MetavisionRequest& request) {
   if (!request.serial.empty()) return request.serial;
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<std::string> found, ListDevices());
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<std::string> found, FindMetavisionDevices());
   if (found.size() > 1) {
     return absl::FailedPreconditionError(
         absl::StrCat("there are several event cameras: ", absl::StrJoin(found, ", "),
@@ -139,7 +130,7 @@ absl::StatusOr<std::unique_ptr<Metavision::Device>> OpenDevice(const MetavisionR
   if (device) return device;
   const std::string which = serial.empty() ? "there is no event camera"
                                            : absl::StrCat("there is no event camera ", serial);
-  const absl::StatusOr<std::vector<std::string>> found = ListDevices();
+  const absl::StatusOr<std::vector<std::string>> found = FindMetavisionDevices();
   return absl::Status(
       status.ok() ? absl::StatusCode::kNotFound : status.code(),
       absl::StrCat(status.ok() ? which : std::string(status.message()), "; found: ",
@@ -200,6 +191,14 @@ absl::StatusOr<std::unique_ptr<MetavisionDevice>> Open(const MetavisionRequest& 
 }
 
 }  // namespace
+
+absl::StatusOr<std::vector<std::string>> FindMetavisionDevices() {
+  std::vector<std::string> found;
+  RIGCAL_RETURN_IF_ERROR(WithoutExceptions("cannot look for event cameras", [&] {
+    for (const std::string& serial : Metavision::DeviceDiscovery::list()) found.push_back(serial);
+  }));
+  return found;
+}
 
 absl::StatusOr<std::unique_ptr<MetavisionDevice>> OpenMetavisionDevice(
     const MetavisionRequest& request) {

@@ -39,6 +39,34 @@ for (const size of sizes) {
     });
   });
 
+  test(`${size.name}: a found camera is used under a name, refused with another's, and dropped`, async () => {
+    await visit(size, {}, async ({ server, address, page }) => {
+      await page.goto(`${address}/#/rig`);
+      const found = page.getByRole('region', { name: 'Found cameras (4, 1 not used)' });
+      await found.getByText('found on pc-1: FLIR Blackfly 2345, 192.168.1.5').waitFor();
+      await found.getByText('in use by a program at 192.168.1.9: end that program').waitFor();
+      await found.getByText('sudo adduser $USER rigcal').waitFor();
+      assert.equal(await found.getByRole('button', { name: /^Drop/ }).count(), 0, 'a configured camera is dropped in its file');
+      await checkPage(page, 'found cameras');
+      const use = found.getByRole('button', { name: 'Use FLIR Blackfly 2345' });
+      assert.ok(await use.isDisabled(), 'without a name');
+      const name = found.getByLabel('Name for FLIR Blackfly 2345');
+      await name.fill('a/b');
+      assert.ok(await use.isDisabled(), 'no name');
+      await name.fill('frame_1');
+      await use.click();
+      await found.getByText("the name 'frame_1' is taken").waitFor();
+      await name.fill('left');
+      await found.getByLabel('Lens file of FLIR Blackfly 2345').setInputFiles({ name: 'left.yaml', mimeType: 'text/yaml', buffer: Buffer.from('%YAML:1.0') });
+      await use.click();
+      await page.getByRole('region', { name: 'Found cameras (4, 0 not used)' }).waitFor();
+      assert.equal(server.lastLens, '%YAML:1.0');
+      await page.getByRole('button', { name: 'Drop left' }).click();
+      await page.getByRole('region', { name: 'Found cameras (4, 1 not used)' }).waitFor();
+      assert.equal(server.offered[0]!.use, 'USE_FREE');
+    });
+  });
+
   test(`${size.name}: mask and colour of a detector, by keys; previews that a camera does not give`, async () => {
     await visit(size, {}, async ({ server, address, page }) => {
       const name = server.rig.cameras.find((camera) => !camera.name.startsWith('event'))!.name;

@@ -8,7 +8,7 @@ import { createServer, type IncomingMessage, type Server, type ServerResponse } 
 import type { AddressInfo } from 'node:net';
 import { extname, join, normalize } from 'node:path';
 import { gzipSync } from 'node:zlib';
-import type { Activation, Calibration, CalibrationOptions, ColourRange, CreateSessionRequest, Detector, LiveState, Session, SessionCamera } from '../src/api/types';
+import type { Activation, Calibration, CalibrationOptions, ColourRange, CreateSessionRequest, Detector, LiveState, OfferedCamera, Session, SessionCamera } from '../src/api/types';
 import { mockAccuracy, mockCalibration, mockResiduals } from './mock_calibration';
 import { mockLens } from './mock_lens';
 import { epochMs, MockRig } from './mock_rig';
@@ -52,6 +52,17 @@ export class MockServer {
   /** Cameras that give none. */
   readonly withoutPreviews = new Set<string>();
   readonly detectors = new Map<string, Detector>();
+  /** What agent pc-1 offers. */
+  readonly offered: OfferedCamera[] = [
+    { device: '2345', kind: 'aravis', vendor: 'FLIR', model: 'Blackfly', address: '192.168.1.5', use: 'USE_FREE' },
+    { device: '2346', kind: 'aravis', vendor: 'FLIR', model: 'Blackfly', address: '192.168.1.6', use: 'USE_BUSY',
+      note: 'in use by a program at 192.168.1.9: end that program' },
+    { device: '40012', kind: 'aravis', vendor: 'Basler', model: 'ace', address: '/dev/bus/usb/002/005', use: 'USE_NO_PERMISSION',
+      note: 'this user may not open /dev/bus/usb/002/005: sudo adduser $USER rigcal, then sign in again' },
+    { device: '40013', kind: 'aravis', vendor: 'Basler', model: 'ace', address: '192.168.1.8', use: 'USE_TAKES_PART', camera: 'frame_1', configured: true },
+  ];
+  /** The lens that came with the last camera. */
+  lastLens = '';
   /** Views of the board that each camera has, in any session of one; cameras that are not here have a lens. */
   readonly boardViews = new Map<string, number>();
   /** Newest first. */
@@ -215,6 +226,25 @@ export class MockServer {
     return [...all.values()].reverse();
   }
 
+  /** Without a body the camera is dropped. */
+  private choose(camera: string, body: Record<string, unknown> | undefined): object {
+    if (body === undefined) {
+      const chosen = this.offered.find((offer) => offer.camera === camera);
+      if (!chosen) throw new Refusal(404, 'NOT_FOUND', `no connected agent has chosen a camera '${camera}'`);
+      chosen.use = 'USE_FREE';
+      delete chosen.camera;
+    } else {
+      if (this.offered.some((offer) => offer.camera === camera)) {
+        throw new Refusal(409, 'ALREADY_EXISTS', `the name '${camera}' is taken by the agent's configuration; give another name`);
+      }
+      const device = this.offered.find((offer) => offer.device === body['device'])!;
+      device.use = 'USE_TAKES_PART';
+      device.camera = camera;
+      this.lastLens = String(body['calibration_yaml'] ?? '');
+    }
+    return { agent_id: 'pc-1', rig: 'rig', camera };
+  }
+
   /** A learning takes four questions. */
   private detector(camera: string, verb: string | undefined, body: Record<string, unknown>): Detector {
     const configured = { hue_max_deg: 50, saturation_min: 0.35, value_min: 60, washed_out_min: 250 };
@@ -280,6 +310,7 @@ export class MockServer {
       const parts = this.rig.parts();
       return this.json(response, { agents: (parts.agents as { agents: { agent_id: string }[] }).agents.map((agent) => ({
         agent_id: agent.agent_id, host: agent.agent_id, rig: 'rig', connected: true, software_version: '0.1.0',
+        ...(agent.agent_id === 'pc-1' ? { offered: this.offered } : {}),
         connect_time: new Date(epochMs - 60e3).toISOString(),
         cameras: this.rig.cameras.filter((camera) => camera.agent === agent.agent_id).map((camera) => ({
           camera: camera.name, image_size_px: { width: 1440, height: 1080 }, clock: { clock_id: camera.name },
@@ -290,6 +321,9 @@ export class MockServer {
     }
     if ((match = /^(GET|POST) \/v1\/cameras\/([^/]+)\/detector(?::(\w+))?$/.exec(path))) {
       return this.json(response, { agent_id: 'pc', rig: 'rig', detector: this.detector(decodeURIComponent(match[2]!), match[3], body) });
+    }
+    if ((match = /^POST \/v1\/cameras\/([^/]+):(use|drop)$/.exec(path))) {
+      return this.json(response, this.choose(decodeURIComponent(match[1]!), match[2] === 'use' ? body : undefined));
     }
     if ((match = /^GET \/v1\/cameras\/([^/]+)\/preview\.jpg$/.exec(path))) {
       if (this.withoutPreviews.has(decodeURIComponent(match[1]!))) {

@@ -230,7 +230,9 @@ std::optional<grpc::Status> FakeServer::Take(const v1::ConnectRequest& message,
             std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
       }
       break;
+    case v1::ConnectRequest::kChoiceAnswer:
     case v1::ConnectRequest::kDetectorAnswer:
+    case v1::ConnectRequest::kOffer:
     case v1::ConnectRequest::kPreview:
     case v1::ConnectRequest::MESSAGE_NOT_SET:
       break;

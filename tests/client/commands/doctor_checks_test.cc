@@ -87,6 +87,28 @@ TEST(CheckSessions, NamesADamagedRecord) {
   EXPECT_THAT(CheckSessions(sessions, 0).message, HasSubstr("session wave"));
 }
 
+TEST(CheckOfferedCameras, NamesChosenOnesThatAreAway) {
+  v1::ListAgentsResponse agents;
+  v1::Agent* agent = agents.add_agents();
+  agent->set_agent_id("pc-1");
+  agent->set_connected(true);
+  EXPECT_FALSE(CheckOfferedCameras(agents).has_value());
+  v1::OfferedCamera* camera = agent->add_offered();
+  camera->set_device("2345");
+  camera->set_use(v1::OfferedCamera::USE_FREE);
+  ASSERT_TRUE(CheckOfferedCameras(agents).has_value());
+  EXPECT_EQ(CheckOfferedCameras(agents)->level, CheckLevel::kOk);
+  EXPECT_THAT(CheckOfferedCameras(agents)->message, HasSubstr("1 camera found, 1 of them not"));
+  camera->set_camera("left");
+  camera->set_use(v1::OfferedCamera::USE_GONE);
+  camera->set_note("it does not answer");
+  EXPECT_EQ(CheckOfferedCameras(agents)->level, CheckLevel::kWarn);
+  EXPECT_THAT(CheckOfferedCameras(agents)->message, HasSubstr("pc-1/2345 (left)"));
+  EXPECT_THAT(CheckOfferedCameras(agents)->advice, HasSubstr("it does not answer"));
+  agent->set_connected(false);
+  EXPECT_FALSE(CheckOfferedCameras(agents).has_value());
+}
+
 TEST(CheckAgents, CountsAndNamesTheGone) {
   v1::ListAgentsResponse agents;
   EXPECT_EQ(CheckAgents(agents).level, CheckLevel::kWarn);

@@ -45,7 +45,7 @@ def fault(program, words):
     path, words = [program], list(words)
     while words:
         word = words.pop(0)
-        below = next((command for command in path[-1].commands if command.path[-1] == word), None)
+        below = next((command for command in path[-1].commands if word in (command.path[-1], *command.aliases)), None)
         if below:
             path.append(below)
         elif re.match(r"--?[a-z]", word):

@@ -114,7 +114,7 @@ class OfThisBuildTest(unittest.TestCase):
         """Of a program, as its own help lists them."""
         text = subprocess.run([BUILD / "bin" / program, "--help"], capture_output=True, text=True, check=True).stdout
         listed = text.partition("\nSubcommands:\n")[2].partition("\n\n")[0]
-        return re.findall(r"^  (\S+)", listed, re.MULTILINE)
+        return re.findall(r"^  ([^\s,]+)", listed, re.MULTILINE)
 
     def test_every_command_is_in_the_page_and_completed(self):
         for program in PROGRAMS:
@@ -131,6 +131,8 @@ class OfThisBuildTest(unittest.TestCase):
         self.assertEqual(self.complete("rigcal", "calibrate", "--intrinsics", ""), ["fixed", "refined", "auto"])
         self.assertEqual(self.complete("rigcal", "-o", "json", "session", "cr"), ["create"])
         self.assertEqual(self.complete("rigcal-agent", "--spool", "d"), ["disk"])
+        # Another word for `camera`.
+        self.assertEqual(self.complete("rigcal", "cameras", "us"), ["use"])
 
     def test_files_are_left_to_bash(self):
         self.assertEqual(self.complete("rigcal", "local", "--data", ""), [])

@@ -9,8 +9,10 @@
 #include "common/wire/detector_wire.h"
 #include "common/wire/grpc_status.h"
 #include "common/wire/time_wire.h"
+#include "rigcal/v1/agent_service.grpc.pb.h"
 #include "rigcal/v1/camera_service.grpc.pb.h"
 #include "tests/server/rpc/rpc_fixture.h"
+#include "tests/testing/process.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::testing::camera_service_test {
@@ -103,6 +105,56 @@ TEST_F(CameraService, BringsTheDetectorOfAnAgentOverItsStream) {
   EXPECT_EQ(response.rig(), "rig");
   EXPECT_EQ(response.detector().ignored_pixel_count(), 5u);
   EXPECT_EQ(response.detector().colour().value_min(), 60u);
+}
+
+TEST_F(CameraService, AnAgentWithoutACameraOffersSomeAndIsAskedToUseOne) {
+  TestAgent agent(channel(), MakeHello("pc", {}));
+  agent.ReadHello();
+  v1::ConnectRequest message;
+  v1::OfferedCamera* const offered = message.mutable_offer()->add_cameras();
+  offered->set_device("2345");
+  offered->set_kind("aravis");
+  offered->set_use(v1::OfferedCamera::USE_FREE);
+  agent.Send(message);
+  const auto list = [this] {
+    grpc::ClientContext context;
+    v1::ListAgentsResponse response;
+    EXPECT_TRUE(v1::AgentService::NewStub(channel())->ListAgents(&context, {}, &response).ok());
+    return response;
+  };
+  ASSERT_TRUE(WaitFor([&] { return list().agents(0).offered_size() == 1; }));
+  EXPECT_EQ(list().agents(0).offered(0).device(), "2345");
+
+  auto used = std::async(std::launch::async, [&]() -> absl::StatusOr<v1::UseCameraResponse> {
+    grpc::ClientContext context;
+    v1::UseCameraRequest request;
+    request.set_device("2345");
+    request.set_camera("left");
+    request.set_calibration_yaml("lens");
+    v1::UseCameraResponse response;
+    const absl::Status status = wire::FromGrpc(
+        v1::CameraService::NewStub(channel())->UseCamera(&context, request, &response));
+    if (!status.ok()) return status;
+    return response;
+  });
+  const v1::ChoiceRequest asked =
+      agent.ReadUntil(v1::ConnectResponse::kChoiceRequest).choice_request();
+  EXPECT_EQ(asked.device(), "2345");
+  EXPECT_EQ(asked.camera(), "left");
+  EXPECT_EQ(asked.calibration_yaml(), "lens");
+  message.mutable_choice_answer()->set_request_id(asked.request_id());
+  message.mutable_choice_answer()->set_status(v1::CHOICE_STATUS_OK);
+  agent.Send(message);
+  ASSERT_OK_AND_ASSIGN(const v1::UseCameraResponse response, used.get());
+  EXPECT_EQ(response.agent_id(), "pc");
+  EXPECT_EQ(response.rig(), "rig");
+  EXPECT_EQ(response.camera(), "left");
+
+  message.mutable_offer()->add_cameras();
+  agent.Send(message);
+  EXPECT_THAT(agent.AwaitEnd(),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("offer.cameras[0].device")));
+  ASSERT_TRUE(WaitFor([&] { return list().agents(0).offered().empty(); }));
 }
 
 TEST_F(CameraService, RefusesAColourThatIsNone) {

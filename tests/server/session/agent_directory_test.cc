@@ -213,7 +213,6 @@ TEST(AgentDirectory, RefusesMalformedAnnouncements) {
     std::string said;
   };
   const std::vector<Case> cases = {
-      {[](AgentRecord* agent) { agent->cameras.clear(); }, "no camera"},
       {[](AgentRecord* agent) { agent->cameras.push_back(agent->cameras[0]); }, "twice"},
   };
   AgentDirectory directory;
@@ -224,6 +223,19 @@ TEST(AgentDirectory, RefusesMalformedAnnouncements) {
                 StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(bad.said)));
   }
   EXPECT_EQ(directory.ConnectedCount(), 0u);
+}
+
+TEST(AgentDirectory, FindsAnAgentWithoutACameraWhileItIsConnected) {
+  AgentDirectory directory;
+  EXPECT_FALSE(directory.FindAgent("pc").has_value());
+  ASSERT_OK_AND_ASSIGN(const auto registration, directory.Register(MakeAgent("pc", {}), Link()));
+  const auto found = directory.FindAgent("pc");
+  ASSERT_TRUE(found.has_value());
+  EXPECT_EQ(found->rig, "rig");
+  EXPECT_EQ(found->registration, registration);
+  EXPECT_TRUE(directory.ConnectedCameras("").empty());
+  directory.Unregister(registration);
+  EXPECT_FALSE(directory.FindAgent("pc").has_value());
 }
 
 TEST(AgentDirectory, CloseAllClosesEverybodyAndTakesNobodyIn) {

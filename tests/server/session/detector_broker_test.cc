@@ -30,6 +30,7 @@ class DetectorLink : public server::AgentLink {
   void SendStopCapture(const std::string&) override {}
   void SendPreviewRequest(const PreviewRequest&) override {}
   void SendDetectorRequest(const DetectorRequest& request) override { on_request_(request); }
+  void SendChoiceRequest(const ChoiceRequest&) override {}
   void Close(const absl::Status&) override {}
 
  private:

@@ -33,6 +33,7 @@ class AnsweringLink : public server::AgentLink {
   void SendStopCapture(const std::string&) override {}
   void SendPreviewRequest(const PreviewRequest& request) override { on_request_(request); }
   void SendDetectorRequest(const DetectorRequest&) override {}
+  void SendChoiceRequest(const ChoiceRequest&) override {}
   void Close(const absl::Status&) override {}
 
  private:

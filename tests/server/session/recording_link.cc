@@ -28,6 +28,10 @@ void RecordingLink::SendDetectorRequest(const DetectorRequest& request) {
   Add(absl::StrCat("detector ", request.camera));
 }
 
+void RecordingLink::SendChoiceRequest(const ChoiceRequest& request) {
+  Add(absl::StrCat(request.device.empty() ? "drop " : "use ", request.camera));
+}
+
 void RecordingLink::Close(const absl::Status& reason) {
   Add(absl::StrCat("close ", reason.ToString()));
   std::lock_guard lock(mutex_);

@@ -18,6 +18,7 @@ class RecordingLink : public server::AgentLink {
   void SendStopCapture(const std::string& session_id) override;
   void SendPreviewRequest(const PreviewRequest& request) override;
   void SendDetectorRequest(const DetectorRequest& request) override;
+  void SendChoiceRequest(const ChoiceRequest& request) override;
   void Close(const absl::Status& reason) override;
 
   std::vector<std::string> Lines() const;

@@ -312,6 +312,17 @@ export function setDetectorColour(rig: string, camera: string, colour?: ColourRa
   return changeDetector('set_colour', rig, camera, colour ? { colour } : {});
 }
 
+/** Has an agent use a camera that it offers; `lens` is the text of an OpenCV YAML, or empty. */
+export async function useCamera(agentId: string, device: string, camera: string, lens: string): Promise<void> {
+  await call(`/v1/cameras/${part(camera)}:use`,
+    { method: 'POST', timeoutMs: 20000, body: { agent_id: agentId, device, ...(lens ? { calibration_yaml: lens } : {}) } });
+}
+
+/** Ends that; the camera is offered again. */
+export async function dropCamera(rig: string, camera: string): Promise<void> {
+  await call(`/v1/cameras/${part(camera)}:drop`, { method: 'POST', timeoutMs: 20000, body: rig ? { rig } : {} });
+}
+
 /** Makes a join string. */
 export function createToken(request: CreateTokenRequest): Promise<CreateTokenResponse> {
   return ask('/v1/tokens', { method: 'POST', body: request });

@@ -12,6 +12,7 @@ import { whileVisible } from '../shell/visible';
 import { bytes, count, dateTime, fixed, missing, seconds, span } from '../view/format';
 import { cameraState } from '../wave/camera_tile';
 import { DetectorDialog } from './detector_dialog';
+import { OfferedCameras } from './offered_cameras';
 import { Preview } from './preview';
 
 const sensors: Record<string, string> = { SENSOR_FRAME: 'frame camera', SENSOR_EVENT: 'event camera' };
@@ -93,6 +94,7 @@ export function RigPage(): JSX.Element {
       </table></div>}
       {all.length === 0 && !agents.loading && <p class="empty">No agent is connected. <a href={hashOf('join')}>Connect a PC</a></p>}
     </Panel>
+    <OfferedCameras agents={all} stale={stale} onDone={agents.reload} />
     <Panel name="server" title="Server">
       <Problem text={problem} />
       <dl class="facts">

@@ -48,7 +48,8 @@ SeenCamera Seen(const ReachableCamera& camera) {
                     .kind = "aravis",
                     .vendor = Word(found.vendor),
                     .model = Word(found.model),
-                    .address = Word(found.address),
+                    // Aravis' fake camera has none.
+                    .address = found.address == "0.0.0.0" ? "" : Word(found.address),
                     .use = UseOf(camera.state),
                     .note = camera.state == ReachableCamera::State::kInUse
                                 ? absl::StrCat("in use ", camera.note, ": end that program")

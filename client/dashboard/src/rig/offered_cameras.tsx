@@ -21,7 +21,9 @@ export function isCameraName(text: string): boolean {
   return /^[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}$/.test(text);
 }
 
-function UseForm({ agent, camera, onDone }: { agent: string; camera: OfferedCamera; onDone: () => void }): JSX.Element {
+function UseForm({ agent, camera, stale, onDone }: {
+  agent: string; camera: OfferedCamera; stale: boolean; onDone: () => void;
+}): JSX.Element {
   const [name, setName] = useState('');
   const [lens, setLens] = useState<File | undefined>(undefined);
   const what = deviceText(camera);
@@ -30,7 +32,7 @@ function UseForm({ agent, camera, onDone }: { agent: string; camera: OfferedCame
       aria-invalid={name !== '' && !isCameraName(name)} onInput={(event) => setName(event.currentTarget.value.trim())} /></label>
     <label>Lens file, optional<input type="file" accept=".yaml,.yml" aria-label={`Lens file of ${what}`}
       onChange={(event) => setLens(event.currentTarget.files?.[0])} /></label>
-    <WorkButton kind="primary" disabled={!isCameraName(name)} label={`Use ${what}`} work={async () => {
+    <WorkButton kind="primary" disabled={stale || !isCameraName(name)} label={`Use ${what}`} work={async () => {
       await useCamera(agent, camera.device ?? '', name, lens ? await lens.text() : '');
       onDone();
     }}>Use</WorkButton>
@@ -47,8 +49,8 @@ function OfferRow({ agent, camera, stale, onDone }: {
     <p><Chip mark={stale ? 'idle' : mark}>{stale ? 'not known' : word}</Chip>{name !== '' && <> as <b>{name}</b></>}
       {camera.configured && <span class="hint"> by the agent's configuration</span>}</p>
     {camera.note && <p class="hint">{camera.note}</p>}
-    {!stale && camera.use === 'USE_FREE' && name === '' && <UseForm agent={id} camera={camera} onDone={onDone} />}
-    {!stale && name !== '' && !camera.configured && <WorkButton label={`Drop ${name}`} work={async () => {
+    {camera.use === 'USE_FREE' && name === '' && <UseForm agent={id} camera={camera} stale={stale} onDone={onDone} />}
+    {name !== '' && !camera.configured && <WorkButton disabled={stale} label={`Drop ${name}`} work={async () => {
       await dropCamera(agent.rig ?? '', name);
       onDone();
     }}>Drop</WorkButton>}
@@ -62,7 +64,7 @@ export function OfferedCameras({ agents, stale, onDone }: { agents: Agent[]; sta
   if (offers.length === 0) return null;
   const unused = offers.filter(({ camera }) => camera.use === 'USE_FREE' && !camera.camera).length;
   return <Panel name="offers" title={`Found cameras (${offers.length}, ${unused} not used)`}>
-    <ul class="offers">{offers.map(({ agent, camera }) => <OfferRow key={`${agent.agent_id}/${camera.device}`} agent={agent}
+    <ul class="offergrid">{offers.map(({ agent, camera }) => <OfferRow key={`${agent.agent_id}/${camera.device}`} agent={agent}
       camera={camera} stale={stale} onDone={onDone} />)}</ul>
   </Panel>;
 }

@@ -235,7 +235,6 @@ absl::StatusOr<TrialProblem> SolveWithout(const TrialProblem& trial,
 
 double ImageMotionPx(const TrialProblem& trial, const SessionTimeline& timeline, int camera,
                      const CameraChange& change) {
-  const Course course = CourseOf(trial, timeline);
   double sum_px2 = 0, count = 0;
   for (const MoveSample& sample : MoveSamplesOf(trial, timeline, camera)) {
     if (change.form == CameraChange::Form::kZoom) {

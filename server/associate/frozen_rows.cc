@@ -29,7 +29,7 @@ struct CameraRows {
 using CameraKey = std::pair<std::string, std::string>;  // session, camera
 
 std::map<CameraKey, CameraRows> RowsByCamera(const TargetOfSession& target_of,
-                                         const std::vector<CameraTrack>& tracks) {
+                                             const std::vector<CameraTrack>& tracks) {
   std::map<CameraKey, CameraRows> all;
   for (const CameraTrack& track : tracks) {
     if (target_of(track.session_id).IsStatic()) continue;

@@ -24,6 +24,7 @@ constexpr double kFarShare = 0.03;             // of the image's width: the medi
 constexpr int kFewestOthers = 2;
 // From rows that fit to rows that do not and back.
 constexpr int kFewestChanges = 8;
+constexpr double kThirdShare = 1.0 / 12;  // of the bad rows, in each third of the recording
 // Of a second wand: how well two cameras' rays meet, its lengths, and how many bad rows show it.
 constexpr double kMeetPx = 4, kLengthShare = 0.05, kSecondShare = 0.3;
 
@@ -76,6 +77,17 @@ std::vector<std::vector<RowOfCamera>> JudgedRows(const BundleProblem& problem) {
   return rows;
 }
 
+// In every third of the rows there are some: what begins or ends is another cause.
+bool AreThroughout(const std::vector<RowOfCamera>& rows, size_t bad_count) {
+  for (size_t third = 0; third < 3; ++third) {
+    const size_t begin = third * rows.size() / 3, end = (third + 1) * rows.size() / 3;
+    size_t own = 0;
+    for (size_t i = begin; i < end; ++i) own += rows[i].is_bad ? 1 : 0;
+    if (static_cast<double>(own) < kThirdShare * static_cast<double>(bad_count)) return false;
+  }
+  return true;
+}
+
 // Enough of them, among those that fit, and far off.
 bool IsNamed(const std::vector<RowOfCamera>& rows, double width_px) {
   std::vector<double> bad_px;
@@ -86,7 +98,7 @@ bool IsNamed(const std::vector<RowOfCamera>& rows, double width_px) {
   }
   return bad_px.size() >= kFewestBad && changes >= kFewestChanges &&
          static_cast<double>(bad_px.size()) > kBadShare * static_cast<double>(rows.size()) &&
-         UpperMedian(&bad_px) > kFarShare * width_px;
+         AreThroughout(rows, bad_px.size()) && UpperMedian(&bad_px) > kFarShare * width_px;
 }
 
 // Where two cameras' markers of one label meet, if they do.
@@ -229,15 +241,17 @@ absl::Status LeaveOutBadRows(const std::vector<ClockCorrection>& clocks,
                              const CalibrationOptions& options, const CalibrationHooks& hooks,
                              const std::map<std::string, CameraCounts>& counts,
                              const std::shared_ptr<const HeldRig>& held, RefusalCounter* refused,
-                             RigObservations* rig, Solved* solved, std::vector<Finding>* found) {
+                             RigObservations* rig, Solved* solved, LeftOutRows* left_out) {
   BadRows bad = FindBadRows(*rig, solved->evaluated.solution);
   if (bad.findings.empty()) return absl::OkStatus();
   RigObservations rest = WithoutRows(*rig, bad.rows);
   RefusalCounter with = *refused;
+  LeftOutRows gone;
   for (size_t t = 0; t < rig->tracks.size(); ++t) {
     const ObservationTable& table = rig->tracks[t].track.observations;
-    uint64_t markers = 0;
-    for (const size_t row : bad.rows[t]) markers += static_cast<uint64_t>(table.VisibleCount(row));
+    uint32_t markers = 0;
+    for (const size_t row : bad.rows[t]) markers += static_cast<uint32_t>(table.VisibleCount(row));
+    gone.markers[rig->tracks[t].track.camera.camera] += markers;
     with.Add(rig->tracks[t].track.camera.camera, RefusalReason::kOutlier, markers,
              "rows in which it sees something else (see findings)");
   }
@@ -248,8 +262,16 @@ absl::Status LeaveOutBadRows(const std::vector<ClockCorrection>& clocks,
   *solved = *std::move(again);
   *rig = std::move(rest);
   *refused = std::move(with);
-  *found = std::move(bad.findings);
+  gone.findings = std::move(bad.findings);
+  *left_out = std::move(gone);
   return absl::OkStatus();
+}
+
+void CountAsOutliers(const LeftOutRows& left_out, CalibrationResult* result) {
+  for (CalibratedCamera& camera : result->cameras) {
+    const auto own = left_out.markers.find(camera.camera);
+    if (own != left_out.markers.end()) camera.residuals.outlier_count += own->second;
+  }
 }
 
 }  // namespace rigcal::server

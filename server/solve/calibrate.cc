@@ -316,12 +316,15 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   // Where a camera spoils the others, nothing is said about clocks and lenses.
   if (odd.kind == FindingKind::kUnspecified) {
     std::vector<Finding> chosen;
+    LeftOutRows left_out;
     RIGCAL_RETURN_IF_ERROR(
-        LeaveOutBadRows(clocks, options, hooks, counts, held, refused, &rig, &*solved, &chosen));
+        LeaveOutBadRows(clocks, options, hooks, counts, held, refused, &rig, &*solved, &left_out));
+    chosen = left_out.findings;
     RIGCAL_RETURN_IF_ERROR(
         FollowClocks(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
     RIGCAL_RETURN_IF_ERROR(
         ChooseLenses(clocks, options, hooks, counts, *refused, held, &rig, &*solved, &chosen));
+    CountAsOutliers(left_out, &solved->result);
     AddFindings(std::move(chosen), &*solved);
   }
   AddFindings(of_stamps, &*solved);

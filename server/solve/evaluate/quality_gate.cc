@@ -46,7 +46,16 @@ class GradeBuilder {
   std::vector<std::string> bad_, usable_;
 };
 
-void GradeCamera(const CalibratedCamera& camera, GradeBuilder* grade_builder) {
+// Rows in which it sees something else were left out of the solve, and a finding says so.
+bool OutliersAreNamed(const CalibrationResult& result, const std::string& camera) {
+  return std::ranges::any_of(result.findings, [&camera](const Finding& finding) {
+    return finding.camera == camera && (finding.kind == FindingKind::kOutliersInCamera ||
+                                        finding.kind == FindingKind::kSecondWandSeen);
+  });
+}
+
+void GradeCamera(const CalibrationResult& result, const CalibratedCamera& camera,
+                 GradeBuilder* grade_builder) {
   const QualityLimits& limits = kQualityLimits;
   const std::string name = absl::StrCat("camera ", camera.camera, ": ");
   const bool held_out =
@@ -67,6 +76,7 @@ void GradeCamera(const CalibratedCamera& camera, GradeBuilder* grade_builder) {
     grade_builder->Measure(name + "mean error where the other cameras put the markers",
                            camera.leave_one_out->mean_px, limits.leave_one_out_mean_px, 1, "px");
   }
+  if (OutliersAreNamed(result, camera.camera)) return;
   const uint32_t markers = camera.residuals.outlier_count + camera.residuals.inlier.marker_count;
   grade_builder->Measure(
       name + "share of outliers",
@@ -266,7 +276,9 @@ void EvaluatePrediction(const PredictedError& predicted, double unit_mm, const s
 
 void GradeFigures(const CalibrationResult& result, const std::optional<PredictedError>& predicted,
                   GradeBuilder* grade_builder) {
-  for (const CalibratedCamera& camera : result.cameras) GradeCamera(camera, grade_builder);
+  for (const CalibratedCamera& camera : result.cameras) {
+    GradeCamera(result, camera, grade_builder);
+  }
   EvaluateTarget(result.target, grade_builder);
   if (!predicted) return;
   EvaluatePrediction(*predicted, result.scale_known ? 1e3 : 1,

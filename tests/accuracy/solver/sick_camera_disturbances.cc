@@ -125,6 +125,7 @@ void ScaleLens(double factor, server::CameraTrack* track) {
 
 Disturbance OfCopy(const std::string& name, const std::function<void(DoctorPatient*)>& change) {
   Disturbance copy{name, {FindingKind::kRowsCopied}, "same rows", false, false, {}};
+  copy.of_clock = true;  // the stamps are copied, too
   copy.apply = [change](uint32_t, DoctorPatient* patient) { change(patient); };
   return copy;
 }

@@ -205,6 +205,8 @@ absl::StatusOr<CalibrationResult> Finish(const RigObservations& rig,
                                    ? result.frame->new_from_rig.rotation.toRotationMatrix()
                                    : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
   result.information = MeasureInformation(rig, solved->evaluated.solution, axes);
+  // What decides the grade first; the cause of most of the error first of these.
+  std::ranges::stable_sort(result.findings, std::greater(), &Finding::severity);
   return result;
 }
 

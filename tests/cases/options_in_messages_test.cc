@@ -38,7 +38,7 @@ std::set<std::string> OptionsIn(const std::string& text) {
   return options;
 }
 
-// Commands in the list "Subcommands:" of a help.
+// Commands in the list "Subcommands:" of a help, by the first of their words.
 std::vector<std::string> CommandsIn(const std::string& help) {
   std::vector<std::string> commands;
   bool inside = false;
@@ -48,7 +48,7 @@ std::vector<std::string> CommandsIn(const std::string& help) {
     } else if (line.empty()) {
       inside = false;
     } else if (inside && line.size() > 3 && line.substr(0, 2) == "  " && line[2] != ' ') {
-      commands.emplace_back(line.substr(2, line.find(' ', 2) - 2));
+      commands.emplace_back(line.substr(2, line.find_first_of(" ,", 2) - 2));
     }
   }
   return commands;

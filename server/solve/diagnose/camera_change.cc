@@ -15,6 +15,8 @@ namespace {
 
 constexpr size_t kMinChangeMarkers = 240;
 constexpr int kDriftBlocks = 12;
+// Of a block: errors of neighbouring times have much in common, as LongBlocks has it.
+constexpr int64_t kMinBlockNs = 2'000'000'000;
 constexpr double kDriftSigmas = 2;
 constexpr int kFitReweightings = 6;
 constexpr int kTakeOutRounds = 4;
@@ -130,6 +132,7 @@ Eigen::Vector2d MotionPx(const MoveSample& sample, const CameraChange& change,
 
 bool HoldsForOtherBlocks(const std::vector<MoveSample>& samples, const std::vector<ModelRow>& rows,
                          const Course& course) {
+  if (course.last_ns - course.first_ns < kDriftBlocks * kMinBlockNs) return false;
   const auto block_of = [&](size_t i) {
     const int block = static_cast<int>((course.At(samples[i].time_ns) + 0.5) * kDriftBlocks);
     return std::clamp(block, 0, kDriftBlocks - 1);

@@ -91,9 +91,9 @@ std::vector<Cause> FindLoosePoses(const CauseInput& input) {
   if (!input.evaluated.uncertainty) return {};
   const std::vector<Sighting> sightings = Sightings(problem);
   // As PredictedError has it: in the frame of the reference camera all others turn with its error.
-  const std::vector<double> sigmas_m =
-      PredictCentreSigmas(problem, *input.evaluated.uncertainty, input.evaluated.lenses_kept,
-                          input.evaluated.predicted.fold_factor);
+  // Without what kept lenses add, which no motion mends.
+  const std::vector<double> sigmas_m = PredictCentreSigmas(
+      problem, *input.evaluated.uncertainty, {}, input.evaluated.predicted.fold_factor);
   std::vector<Cause> causes;
   for (size_t c = 0; c < sightings.size(); ++c) {
     if (sightings[c].distance_m.empty()) continue;

@@ -202,7 +202,6 @@ BadRows FindBadRows(const RigObservations& rig, const RigSolution& solution) {
   bad.rows.resize(rig.tracks.size());
   const std::vector<std::vector<RowOfCamera>> rows = JudgedRows(problem);
   std::vector<Eigen::Vector2d> rays;
-  std::set<int> named;
   const auto take = [&](const BundleObservation& observation) {
     if (observation.marker_count == 0) return;
     const MarkerSource& source =
@@ -217,17 +216,8 @@ BadRows FindBadRows(const RigObservations& rig, const RigSolution& solution) {
     const auto count = static_cast<size_t>(std::ranges::count(rows[c], true, &RowOfCamera::is_bad));
     bad.findings.push_back(
         FindingFor(problem.cameras[c].name, count, rows[c].size(), second, partners));
-    named.insert(static_cast<int>(c));
     for (const RowOfCamera& row : rows[c]) {
       if (row.is_bad) take(*row.observation);
-    }
-  }
-  if (named.empty()) return bad;
-  // Where nobody else can say which row it is that spoils an instant, it is one of theirs.
-  for (const BundleInstant& instant : problem.instants) {
-    if (instant.used) continue;
-    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      if (named.contains(observation.camera)) take(observation);
     }
   }
   for (std::vector<size_t>& own : bad.rows) {
@@ -244,6 +234,11 @@ absl::Status LeaveOutBadRows(const std::vector<ClockCorrection>& clocks,
                              RigObservations* rig, Solved* solved, LeftOutRows* left_out) {
   BadRows bad = FindBadRows(*rig, solved->evaluated.solution);
   if (bad.findings.empty()) return absl::OkStatus();
+  if (solved->result.quality.grade != QualityGrade::kBad) {
+    // As outliers they are left out already, each for itself.
+    left_out->findings = std::move(bad.findings);
+    return absl::OkStatus();
+  }
   RigObservations rest = WithoutRows(*rig, bad.rows);
   RefusalCounter with = *refused;
   LeftOutRows gone;

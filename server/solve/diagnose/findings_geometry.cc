@@ -91,9 +91,9 @@ std::vector<Cause> FindLoosePoses(const CauseInput& input) {
   if (!input.evaluated.uncertainty) return {};
   const std::vector<Sighting> sightings = Sightings(problem);
   // As PredictedError has it: in the frame of the reference camera all others turn with its error.
-  // Without what kept lenses add, which no motion mends.
+  // Without what kept lenses and the scatter of parts add, which are no matter of the motion.
   const std::vector<double> sigmas_m = PredictCentreSigmas(
-      problem, *input.evaluated.uncertainty, {}, input.evaluated.predicted.fold_factor);
+      problem, *input.evaluated.uncertainty, {}, 1);
   std::vector<Cause> causes;
   for (size_t c = 0; c < sightings.size(); ++c) {
     if (sightings[c].distance_m.empty()) continue;

@@ -165,9 +165,9 @@ TEST(CalibrateErrors, ALongWaveHasNoSuchFindings) {
                                               Not(Contains(FindingKind::kRestarted))));
 }
 
-// It takes part in less than half a second of the wave.
+// It takes part in less than half a second of the wave, with noisy centres.
 TEST(CalibrateErrors, APoseThatIsHeldLooselyIsNamedWithWhereToWave) {
-  CalibrationInput input = Input("cameras=3;duration=20");
+  CalibrationInput input = Input("cameras=3;duration=20;noise=1.5");
   std::vector<Observation>& rows = input.tracks[2].observations;
   for (size_t i = 0; i < rows.size(); ++i) {
     if (i < 100 || i >= 110) rows[i].markers.clear();

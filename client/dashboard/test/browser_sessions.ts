@@ -2,6 +2,7 @@
 // The rig, its detectors, targets and sessions, on a desk and on a phone.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
+import { foundCameras } from './mock_server';
 import { checkPage, sizes } from './page_checks';
 import { visit } from './visit';
 
@@ -41,6 +42,7 @@ for (const size of sizes) {
 
   test(`${size.name}: a found camera is used under a name, refused with another's, and dropped`, async () => {
     await visit(size, {}, async ({ server, address, page }) => {
+      server.offered.push(...foundCameras());
       await page.goto(`${address}/#/rig`);
       const found = page.getByRole('region', { name: 'Found cameras (4, 1 not used)' });
       await found.getByText('found on pc-1: FLIR Blackfly 2345, 192.168.1.5').waitFor();

@@ -41,6 +41,18 @@ export interface MockOptions {
   docs?: boolean;
 }
 
+/** What an agent may offer: free, busy, not permitted, configured. */
+export function foundCameras(): OfferedCamera[] {
+  return [
+    { device: '2345', kind: 'aravis', vendor: 'FLIR', model: 'Blackfly', address: '192.168.1.5', use: 'USE_FREE' },
+    { device: '2346', kind: 'aravis', vendor: 'FLIR', model: 'Blackfly', address: '192.168.1.6', use: 'USE_BUSY',
+      note: 'in use by a program at 192.168.1.9: end that program' },
+    { device: '40012', kind: 'aravis', vendor: 'Basler', model: 'ace', address: '/dev/bus/usb/002/005', use: 'USE_NO_PERMISSION',
+      note: 'this user may not open /dev/bus/usb/002/005: sudo adduser $USER rigcal, then sign in again' },
+    { device: '40013', kind: 'aravis', vendor: 'Basler', model: 'ace', address: '192.168.1.8', use: 'USE_TAKES_PART', camera: 'frame_1', configured: true },
+  ];
+}
+
 export class MockServer {
   rig: MockRig;
   readonly sessions = new Map<string, Session>();
@@ -53,14 +65,7 @@ export class MockServer {
   readonly withoutPreviews = new Set<string>();
   readonly detectors = new Map<string, Detector>();
   /** What agent pc-1 offers. */
-  readonly offered: OfferedCamera[] = [
-    { device: '2345', kind: 'aravis', vendor: 'FLIR', model: 'Blackfly', address: '192.168.1.5', use: 'USE_FREE' },
-    { device: '2346', kind: 'aravis', vendor: 'FLIR', model: 'Blackfly', address: '192.168.1.6', use: 'USE_BUSY',
-      note: 'in use by a program at 192.168.1.9: end that program' },
-    { device: '40012', kind: 'aravis', vendor: 'Basler', model: 'ace', address: '/dev/bus/usb/002/005', use: 'USE_NO_PERMISSION',
-      note: 'this user may not open /dev/bus/usb/002/005: sudo adduser $USER rigcal, then sign in again' },
-    { device: '40013', kind: 'aravis', vendor: 'Basler', model: 'ace', address: '192.168.1.8', use: 'USE_TAKES_PART', camera: 'frame_1', configured: true },
-  ];
+  readonly offered: OfferedCamera[] = [];
   /** The lens that came with the last camera. */
   lastLens = '';
   /** Views of the board that each camera has, in any session of one; cameras that are not here have a lens. */

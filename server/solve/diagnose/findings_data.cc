@@ -9,6 +9,16 @@ namespace rigcal::server {
 
 std::vector<Cause> FindTooLittleData(const CauseInput& input) {
   const PredictedError& predicted = input.evaluated.predicted;
+  if (!predicted.holds && predicted.block_count >= kMinPredictedBlocks &&
+      predicted.scarcest_block_count < kMinCameraBlocks) {
+    return {{{FindingKind::kTooLittleData, predicted.scarcest_camera,
+              static_cast<double>(predicted.scarcest_block_count), "blocks of 2 s",
+              absl::StrFormat("it sees the wand in %d blocks of 2 s only, which cannot show how "
+                              "accurately its position is known. Wave where it sees the wand, and "
+                              "come back there several times",
+                              predicted.scarcest_block_count)},
+             0}};
+  }
   if (!predicted.holds) {
     return {
         {{FindingKind::kTooLittleData, "", static_cast<double>(predicted.instant_count), "instants",

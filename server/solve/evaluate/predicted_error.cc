@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/evaluate/attached_point.h"
@@ -33,6 +34,21 @@ int CountBlocks(const BuiltProblem& built) {
   }
   return static_cast<int>(std::ranges::count_if(
       counts, [](const auto& entry) { return entry.second >= kMinInstantsOfBlock; }));
+}
+
+// By camera: the blocks in which it takes part.
+std::vector<int> CountCameraBlocks(const BuiltProblem& built) {
+  std::vector<std::set<int64_t>> blocks(built.problem.cameras.size());
+  for (size_t i = 0; i < built.problem.instants.size(); ++i) {
+    ForEachUsedMarker(built.problem, built.problem.instants[i],
+                      [&](const BundleObservation& observation, const BundleMarker&) {
+                        blocks[static_cast<size_t>(observation.camera)].insert(
+                            built.instant_time_ns[i] / kBlockNs);
+                      });
+  }
+  std::vector<int> counts;
+  for (const std::set<int64_t>& own : blocks) counts.push_back(static_cast<int>(own.size()));
+  return counts;
 }
 
 double MedianDistanceM(const BundleProblem& problem, const Eigen::Vector3d& middle_m) {
@@ -161,8 +177,13 @@ PredictedError PredictError(const RigSolution& solution,
   error.accepted_m = accept_m > 0 ? accept_m : kAcceptedShare * error.distance_m;
   error.instant_count = UsedInstants(problem);
   error.block_count = CountBlocks(solution.built);
+  const std::vector<int> of_cameras = CountCameraBlocks(solution.built);
+  const auto scarcest = std::ranges::min_element(of_cameras);
+  error.scarcest_block_count = *scarcest;
+  error.scarcest_camera = problem.cameras[static_cast<size_t>(scarcest - of_cameras.begin())].name;
   error.fold_count = static_cast<int>(folds.size());
-  error.holds = uncertainty && error.block_count >= kMinPredictedBlocks &&
+  error.holds = error.scarcest_block_count >= kMinCameraBlocks && uncertainty &&
+                error.block_count >= kMinPredictedBlocks &&
                 error.instant_count >= kMinPredictedInstants && folds.size() >= kMinFolds;
   if (!uncertainty) {
     error.sigma_m = error.stated_m = std::numeric_limits<double>::infinity();

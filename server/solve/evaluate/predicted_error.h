@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "common/geometry/rigid_transform.h"
@@ -28,6 +29,8 @@ FoldPoses FoldPosesOf(const RigIndex& index, const RigSolution& fold, const RigS
 // Least data for which the prediction holds.
 inline constexpr int kMinPredictedInstants = 60;
 inline constexpr int kMinPredictedBlocks = 4;
+// And by camera: what its views of a few seconds have in common, no part of the data contradicts.
+inline constexpr int kMinCameraBlocks = 3;
 
 // How far the camera positions are expected to be off, and what would be accepted. Lengths are in
 // the unit of the solution. One sigma of the camera position known worst, after the best rigid
@@ -45,7 +48,10 @@ struct PredictedError {
   double distance_m = 0;  // of the cameras from the middle of the waved volume, median
   int instant_count = 0;
   int block_count = 0;  // blocks of time in which the target was placed a few times
-  int fold_count = 0;   // parts of the data that could be solved by themselves
+  // The camera whose views are in fewest blocks, any view of it, and how many they are.
+  std::string scarcest_camera;
+  int scarcest_block_count = 0;
+  int fold_count = 0;  // parts of the data that could be solved by themselves
   // False: residuals over so little time say nothing about what they have in common, such as the
   // same part of each image, and no sigma holds.
   bool holds = false;

@@ -257,6 +257,10 @@ void EvaluatePrediction(const PredictedError& predicted, double unit_mm, const s
       why = absl::StrFormat("%d instants in %d blocks of 2 s; at least %d in %d are needed",
                             predicted.instant_count, predicted.block_count, kMinPredictedInstants,
                             kMinPredictedBlocks);
+    } else if (predicted.scarcest_block_count < kMinCameraBlocks) {
+      why = absl::StrFormat("camera %s sees the wand in %d blocks of 2 s; at least %d are needed",
+                            predicted.scarcest_camera, predicted.scarcest_block_count,
+                            kMinCameraBlocks);
     } else if (!std::isfinite(predicted.stated_m)) {
       why = "the data leave some of it open, so that no uncertainty is known";
     } else {

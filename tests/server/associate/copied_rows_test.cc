@@ -6,9 +6,10 @@
 
 #include <cmath>
 #include <cstdint>
-#include <random>
 #include <string>
 #include <vector>
+
+#include "tests/server/associate/random_track.h"
 
 namespace rigcal::server::copied_rows_test {
 namespace {
@@ -18,30 +19,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-constexpr int64_t kPeriodNs = 40'000'000;
-constexpr int kRows = 200;
-
 bool NoneIsNeeded(const std::string&) { return false; }
-
-// Two markers at pixels that no other seed has; of every tenth row none is seen.
-CameraTrack TrackOf(const std::string& camera, int seed) {
-  CameraTrack track;
-  track.session_id = "s";
-  track.camera.camera = camera;
-  std::mt19937 random(static_cast<unsigned>(seed));
-  std::uniform_real_distribution<double> at_px(0, 1000);
-  for (int i = 0; i < kRows; ++i) {
-    Observation row;
-    row.time_ns = i * kPeriodNs;
-    row.markers.resize(2);
-    for (MarkerObservation& marker : row.markers) {
-      marker.visible = i % 10 != 9;
-      marker.centre_px = {at_px(random), at_px(random)};
-    }
-    track.observations.push_back(row);
-  }
-  return track;
-}
 
 CameraTrack Named(CameraTrack track, const std::string& camera) {
   track.camera.camera = camera;
@@ -54,8 +32,8 @@ std::vector<StampFault> Use(std::vector<CameraTrack>* tracks) {
 }
 
 TEST(UseCopiedRowsOnce, OfAFileUnderTwoNamesOneCameraIsLeft) {
-  const CameraTrack a = TrackOf("a", 1);
-  std::vector<CameraTrack> tracks = {a, TrackOf("b", 2), Named(a, "c")};
+  const CameraTrack a = RandomTrack("a", 1);
+  std::vector<CameraTrack> tracks = {a, RandomTrack("b", 2), Named(a, "c")};
   RefusalCounter refused;
   const std::vector<StampFault> faults = UseCopiedRowsOnce(NoneIsNeeded, &tracks, &refused);
   ASSERT_THAT(faults, SizeIs(1));
@@ -64,16 +42,16 @@ TEST(UseCopiedRowsOnce, OfAFileUnderTwoNamesOneCameraIsLeft) {
   EXPECT_EQ(faults[0].size, 100);
   EXPECT_THAT(faults[0].what, AllOf(HasSubstr("the same rows as a: 180 of its 180 wand views"),
                                     HasSubstr("at the same times"), HasSubstr("was left out")));
-  EXPECT_THAT(tracks[0].observations, SizeIs(kRows));
-  EXPECT_THAT(tracks[1].observations, SizeIs(kRows));
+  EXPECT_THAT(tracks[0].observations, SizeIs(kRandomTrackRows));
+  EXPECT_THAT(tracks[1].observations, SizeIs(kRandomTrackRows));
   EXPECT_THAT(tracks[2].observations, IsEmpty());
   ASSERT_THAT(refused.List(), SizeIs(1));
   EXPECT_EQ(refused.List()[0].camera, "c");
-  EXPECT_EQ(refused.List()[0].count, uint64_t{kRows});
+  EXPECT_EQ(refused.List()[0].count, uint64_t{kRandomTrackRows});
 }
 
 TEST(UseCopiedRowsOnce, TheCameraThatTheOptionsNameStays) {
-  const CameraTrack a = TrackOf("a", 1);
+  const CameraTrack a = RandomTrack("a", 1);
   std::vector<CameraTrack> tracks = {a, Named(a, "b")};
   RefusalCounter refused;
   const std::vector<StampFault> faults =
@@ -81,66 +59,66 @@ TEST(UseCopiedRowsOnce, TheCameraThatTheOptionsNameStays) {
   ASSERT_THAT(faults, SizeIs(1));
   EXPECT_EQ(faults[0].camera, "a");
   EXPECT_THAT(tracks[0].observations, IsEmpty());
-  EXPECT_THAT(tracks[1].observations, SizeIs(kRows));
+  EXPECT_THAT(tracks[1].observations, SizeIs(kRandomTrackRows));
 }
 
 // Sixty rows of each are the other's, half a second later.
 TEST(UseCopiedRowsOnce, RowsThatTwoFilesShareAreTakenFromBoth) {
-  CameraTrack copy = Named(TrackOf("a", 1), "b");
-  const CameraTrack own = TrackOf("b", 2);
+  CameraTrack copy = Named(RandomTrack("a", 1), "b");
+  const CameraTrack own = RandomTrack("b", 2);
   for (size_t i = 0; i < copy.observations.size(); ++i) {
     if (i % 3 != 0) copy.observations[i] = own.observations[i];
     copy.observations[i].time_ns += 500'000'000;
   }
-  std::vector<CameraTrack> tracks = {TrackOf("a", 1), copy};
+  std::vector<CameraTrack> tracks = {RandomTrack("a", 1), copy};
   const std::vector<StampFault> faults = Use(&tracks);
   ASSERT_THAT(faults, SizeIs(1));
   EXPECT_NEAR(faults[0].size, 100.0 / 3, 1e-9);
   EXPECT_THAT(faults[0].what, AllOf(HasSubstr("the same rows as a: 60 of its 180 wand views"),
                                     HasSubstr("0.5 s later"), HasSubstr("left out of both")));
-  EXPECT_THAT(tracks[0].observations, SizeIs(kRows - 60));
-  EXPECT_THAT(tracks[1].observations, SizeIs(kRows - 60));
+  EXPECT_THAT(tracks[0].observations, SizeIs(kRandomTrackRows - 60));
+  EXPECT_THAT(tracks[1].observations, SizeIs(kRandomTrackRows - 60));
 }
 
 // All rows of a are a part of b's file, which has others as well.
 TEST(UseCopiedRowsOnce, TheCameraWithNothingOfItsOwnGoes) {
-  CameraTrack merged = Named(TrackOf("a", 1), "b");
-  for (Observation row : TrackOf("b", 2).observations) {
-    row.time_ns += kRows * kPeriodNs;
+  CameraTrack merged = Named(RandomTrack("a", 1), "b");
+  for (Observation row : RandomTrack("b", 2).observations) {
+    row.time_ns += kRandomTrackRows * kRandomTrackPeriodNs;
     merged.observations.push_back(row);
   }
-  std::vector<CameraTrack> tracks = {TrackOf("a", 1), merged};
+  std::vector<CameraTrack> tracks = {RandomTrack("a", 1), merged};
   const std::vector<StampFault> faults = Use(&tracks);
   ASSERT_THAT(faults, SizeIs(1));
   EXPECT_EQ(faults[0].camera, "a");
   EXPECT_THAT(tracks[0].observations, IsEmpty());
-  EXPECT_THAT(tracks[1].observations, SizeIs(2 * kRows));
+  EXPECT_THAT(tracks[1].observations, SizeIs(2 * kRandomTrackRows));
 }
 
 TEST(UseCopiedRowsOnce, OfThreeCopiesOneIsLeft) {
-  const CameraTrack a = TrackOf("a", 1);
+  const CameraTrack a = RandomTrack("a", 1);
   std::vector<CameraTrack> tracks = {a, Named(a, "b"), Named(a, "c")};
   EXPECT_THAT(Use(&tracks), SizeIs(2));
-  EXPECT_THAT(tracks[0].observations, SizeIs(kRows));
+  EXPECT_THAT(tracks[0].observations, SizeIs(kRandomTrackRows));
   EXPECT_THAT(tracks[1].observations, IsEmpty());
   EXPECT_THAT(tracks[2].observations, IsEmpty());
 }
 
 TEST(UseCopiedRowsOnce, SoundCamerasKeepTheirRows) {
-  std::vector<CameraTrack> tracks = {TrackOf("a", 1), TrackOf("b", 2), TrackOf("c", 3)};
+  std::vector<CameraTrack> tracks = {RandomTrack("a", 1), RandomTrack("b", 2), RandomTrack("c", 3)};
   EXPECT_THAT(Use(&tracks), IsEmpty());
-  for (const CameraTrack& track : tracks) EXPECT_THAT(track.observations, SizeIs(kRows));
+  for (const CameraTrack& track : tracks) EXPECT_THAT(track.observations, SizeIs(kRandomTrackRows));
   std::vector<CameraTrack> none;
   EXPECT_THAT(Use(&none), IsEmpty());
   // The same camera in another session is no other camera.
-  CameraTrack later = TrackOf("a", 1);
+  CameraTrack later = RandomTrack("a", 1);
   later.session_id = "t";
-  std::vector<CameraTrack> sessions = {TrackOf("a", 1), later};
+  std::vector<CameraTrack> sessions = {RandomTrack("a", 1), later};
   EXPECT_THAT(Use(&sessions), IsEmpty());
 }
 
 TEST(UseCopiedRowsOnce, ATargetAtRestAndAHandfulOfEqualRowsSayNothing) {
-  CameraTrack a = TrackOf("a", 1), b = TrackOf("b", 2);
+  CameraTrack a = RandomTrack("a", 1), b = RandomTrack("b", 2);
   for (size_t i = 0; i < 15; ++i) b.observations[i] = a.observations[i];
   std::vector<CameraTrack> few = {a, b};
   EXPECT_THAT(Use(&few), IsEmpty());
@@ -155,7 +133,7 @@ TEST(UseCopiedRowsOnce, ATargetAtRestAndAHandfulOfEqualRowsSayNothing) {
 
 // Whole pixels of one marker meet by chance in long recordings, at any distance in time.
 TEST(UseCopiedRowsOnce, PixelsThatMeetByChanceAreNoCopy) {
-  std::vector<CameraTrack> tracks = {TrackOf("a", 1), TrackOf("b", 2)};
+  std::vector<CameraTrack> tracks = {RandomTrack("a", 1), RandomTrack("b", 2)};
   for (CameraTrack& track : tracks) {
     for (Observation& row : track.observations) {
       row.markers.resize(1);

@@ -4,9 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <random>
 #include <string>
 #include <vector>
+
+#include "tests/server/associate/random_track.h"
 
 namespace rigcal::server::repeated_rows_test {
 namespace {
@@ -14,29 +15,6 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
-
-constexpr int64_t kPeriodNs = 40'000'000;
-constexpr int kRows = 200;
-
-// Two markers at pixels that no other seed has.
-CameraTrack TrackOf(const std::string& camera, int seed) {
-  CameraTrack track;
-  track.session_id = "s";
-  track.camera.camera = camera;
-  std::mt19937 random(static_cast<unsigned>(seed));
-  std::uniform_real_distribution<double> at_px(0, 1000);
-  for (int i = 0; i < kRows; ++i) {
-    Observation row;
-    row.time_ns = i * kPeriodNs;
-    row.markers.resize(2);
-    for (MarkerObservation& marker : row.markers) {
-      marker.visible = i % 10 != 9;
-      marker.centre_px = {at_px(random), at_px(random)};
-    }
-    track.observations.push_back(row);
-  }
-  return track;
-}
 
 uint64_t Count(const RefusalCounter& refused) {
   uint64_t count = 0;
@@ -48,39 +26,39 @@ uint64_t Count(const RefusalCounter& refused) {
 }
 
 TEST(UseRepeatedRowsOnce, AFileThatWasAppendedToItselfIsUsedOnce) {
-  CameraTrack track = TrackOf("a", 1);
+  CameraTrack track = RandomTrack("a", 1);
   const std::vector<Observation> once = track.observations;
   for (Observation row : once) {
     row.clock_epoch = 1;  // as agents begin one where stamps go back
     track.observations.push_back(row);
   }
-  std::vector<CameraTrack> tracks = {track, TrackOf("b", 2)};
+  std::vector<CameraTrack> tracks = {track, RandomTrack("b", 2)};
   RefusalCounter refused;
   const std::vector<StampFault> faults = UseRepeatedRowsOnce(&tracks, &refused);
   ASSERT_THAT(faults, SizeIs(1));
   EXPECT_EQ(faults[0].kind, StampFault::Kind::kTwice);
   EXPECT_EQ(faults[0].camera, "a");
-  EXPECT_EQ(faults[0].size, kRows);
+  EXPECT_EQ(faults[0].size, kRandomTrackRows);
   EXPECT_THAT(faults[0].what, HasSubstr("200 of its 400 rows"));
-  EXPECT_EQ(Count(refused), uint64_t{kRows});
-  ASSERT_THAT(tracks[0].observations, SizeIs(kRows));
+  EXPECT_EQ(Count(refused), uint64_t{kRandomTrackRows});
+  ASSERT_THAT(tracks[0].observations, SizeIs(kRandomTrackRows));
   for (const Observation& row : tracks[0].observations) EXPECT_EQ(row.clock_epoch, 0u);
-  EXPECT_THAT(tracks[1].observations, SizeIs(kRows));
+  EXPECT_THAT(tracks[1].observations, SizeIs(kRandomTrackRows));
 }
 
 TEST(UseRepeatedRowsOnce, RowsThatAreDoubledInPlaceAreUsedOnce) {
-  CameraTrack track = TrackOf("a", 1);
+  CameraTrack track = RandomTrack("a", 1);
   std::vector<Observation> doubled;
   for (const Observation& row : track.observations) doubled.insert(doubled.end(), 2, row);
   track.observations = doubled;
   std::vector<CameraTrack> tracks = {track};
   RefusalCounter refused;
   EXPECT_THAT(UseRepeatedRowsOnce(&tracks, &refused), SizeIs(1));
-  EXPECT_THAT(tracks[0].observations, SizeIs(kRows));
+  EXPECT_THAT(tracks[0].observations, SizeIs(kRandomTrackRows));
 }
 
 TEST(UseRepeatedRowsOnce, AFewAreCountedAndNotNamed) {
-  CameraTrack track = TrackOf("a", 1);
+  CameraTrack track = RandomTrack("a", 1);
   for (size_t i = 0; i < 5; ++i) track.observations.push_back(track.observations[i]);
   std::vector<CameraTrack> tracks = {track};
   RefusalCounter refused;
@@ -89,14 +67,14 @@ TEST(UseRepeatedRowsOnce, AFewAreCountedAndNotNamed) {
 }
 
 TEST(UseRepeatedRowsOnce, OtherRowsAtTheSameStampsStay) {
-  CameraTrack track = TrackOf("a", 1);
-  const CameraTrack other = TrackOf("a", 2);
+  CameraTrack track = RandomTrack("a", 1);
+  const CameraTrack other = RandomTrack("a", 2);
   track.observations.insert(track.observations.end(), other.observations.begin(),
                             other.observations.end());
   std::vector<CameraTrack> tracks = {track};
   RefusalCounter refused;
   EXPECT_THAT(UseRepeatedRowsOnce(&tracks, &refused), IsEmpty());
-  EXPECT_THAT(tracks[0].observations, SizeIs(2 * kRows));
+  EXPECT_THAT(tracks[0].observations, SizeIs(2 * kRandomTrackRows));
   EXPECT_TRUE(refused.empty());
 }
 

@@ -184,10 +184,24 @@ TEST(CalibrateErrors, APoseThatIsHeldLooselyIsNamedWithWhereToWave) {
   EXPECT_THAT(loose, ElementsAre("sim_2"));
   EXPECT_THAT(advice, Contains(AllOf(HasSubstr("of sim_2's image ("), HasSubstr("and in the "),
                                      HasSubstr("Wave the wand where it and sim_"))));
-  // The camera known worst decides, however well the others are known.
-  EXPECT_NE(outcome.result->quality.grade, QualityGrade::kGood);
+  EXPECT_EQ(outcome.result->quality.grade, QualityGrade::kBad);
   EXPECT_THAT(outcome.result->quality.reasons,
-              Contains(HasSubstr("predicted error of the camera positions")));
+              Contains(HasSubstr("camera sim_2 sees the wand in")));
+}
+
+// Ten rows of one moment fit a pose that is centimetres off, and nothing contradicts it.
+TEST(CalibrateErrors, ACameraOfOneMomentIsBadHoweverWellItFits) {
+  CalibrationInput input = Input("cameras=3;duration=20");
+  std::vector<Observation>& rows = input.tracks[2].observations;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (i < 100 || i >= 110) rows[i].markers.clear();
+  }
+  const CalibrationOutcome outcome = Calibrate(input, {});
+  ASSERT_THAT(outcome.result, IsOk());
+  EXPECT_EQ(outcome.result->quality.grade, QualityGrade::kBad);
+  EXPECT_THAT(outcome.result->findings,
+              Contains(AllOf(::testing::Field(&Finding::kind, FindingKind::kTooLittleData),
+                             ::testing::Field(&Finding::camera, "sim_2"))));
 }
 
 }  // namespace

@@ -94,7 +94,7 @@ void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option(
       "--offer-simulated", flags.offer_simulated,
       "N[;OPTION=VALUE]...: also offers N simulated cameras, with options of sim:, to try "
-      "things out");
+      "things out; a session of theirs ends after a minute, or after duration=SECONDS");
   app.add_flag("--offer-fake", flags.offer_fake, "Also offers Aravis' own fake camera");
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error, off [info]");
   app.add_option("--log-format", flags.log_format,

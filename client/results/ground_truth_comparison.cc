@@ -3,14 +3,17 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "client/output/output.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 #include "client/results/calibration_export.h"
+#include "client/results/true_point_error.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
+#include "common/wire/calibration_result_wire.h"
 #include "common/wire/camera_wire.h"
 
 namespace rigcal::client {
@@ -66,6 +69,8 @@ absl::StatusOr<GroundTruthComparison> CompareWithGroundTruth(const v1::Calibrati
     most.position_m = std::max(most.position_m, error.position_m);
     most.rotation_deg = std::max(most.rotation_deg, error.rotation_deg);
   }
+  RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult result, wire::ResultFromProto(calibration));
+  comparison.point_error_m = TruePointErrorM(result, world);
   return comparison;
 }
 
@@ -87,7 +92,13 @@ std::string FormatGroundTruthErrors(const GroundTruthComparison& comparison) {
                        "scale is not known, and its unit taken as ",
                        FormatFixed(comparison.unit_length_m, 4), " m");
   }
-  return absl::StrCat("\nErrors against ground truth, after ", how, "\n", table.Format(2));
+  std::string points;
+  if (comparison.point_error_m) {
+    points = absl::StrCat("error of a point: ", FormatFixed(*comparison.point_error_m * kMmPerM, 2),
+                          " mm or less in 95 % of the waved places (to compare with the expected "
+                          "error)\n");
+  }
+  return absl::StrCat("\nErrors against ground truth, after ", how, "\n", table.Format(2), points);
 }
 
 std::string CalibrationJson(const v1::Calibration& calibration,
@@ -102,10 +113,12 @@ std::string CalibrationJson(const v1::Calibration& calibration,
                        {"time_offset_error_s", camera.time_offset_error_s}});
   }
   Json json = Json::parse(ToJson(calibration));
-  json["ground_truth"] = {{"cameras", cameras},
-                          {"max_position_error_m", comparison->max_error.position_m},
-                          {"max_rotation_error_deg", comparison->max_error.rotation_deg},
-                          {"unit_length_m", comparison->unit_length_m}};
+  Json truth = {{"cameras", cameras},
+                {"max_position_error_m", comparison->max_error.position_m},
+                {"max_rotation_error_deg", comparison->max_error.rotation_deg},
+                {"unit_length_m", comparison->unit_length_m}};
+  if (comparison->point_error_m) truth["point_error_m"] = *comparison->point_error_m;
+  json["ground_truth"] = std::move(truth);
   return JsonText(json);
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,7 +21,8 @@ struct GroundTruthComparison {
   };
   std::vector<Camera> cameras;  // in the calibration's order
   PoseDifference max_error;
-  double unit_length_m = 0;  // found by the alignment; 0: the scale was known
+  double unit_length_m = 0;             // found by the alignment; 0: the scale was known
+  std::optional<double> point_error_m;  // true_point_error.h
 };
 
 // Compares a calibration of a simulated rig with ground truth. Cameras are matched by name

@@ -347,6 +347,13 @@ std::string FormatResult(const v1::Calibration& calibration) {
       FormatScaleSources(calibration));
 }
 
+// What the expected error is below almost certainly, a line of its own.
+std::string BoundWords(const v1::Headline& headline) {
+  if (!(headline.point_error_bound_m() > 0)) return "";  // of an older release
+  return absl::StrCat("                   ", FormatPointError(headline.point_error_bound_m(), 0),
+                      " at most, with a probability of 95 %\n");
+}
+
 // What makes most of the expected error, a line of its own.
 std::string BasisWords(v1::Headline::ErrorBasis basis) {
   switch (basis) {
@@ -384,7 +391,7 @@ std::string FormatHeadlineFigures(const v1::Calibration& calibration) {
     absl::StrAppend(&text, "expected error     ", is_bad ? "at least " : "",
                     FormatPointError(headline.point_error_m(), target.scale_sigma_rel()),
                     is_bad ? ": it is graded bad\n" : ", in 95 % of the waved places\n",
-                    BasisWords(headline.point_error_basis()),
+                    is_bad ? "" : BoundWords(headline), BasisWords(headline.point_error_basis()),
                     advice.empty() ? "" : absl::StrCat("                   ", advice, "\n"));
   }
   absl::StrAppend(&text, "reprojection error ", FormatFixed(headline.used_mean_px(), 3),

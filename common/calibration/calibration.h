@@ -168,9 +168,10 @@ enum class ErrorBasis : uint8_t { kUnknown = 0, kCovariance = 1, kLenses = 2, kF
 
 // How good a calibration is, in few numbers.
 struct Headline {
-  // Of a point by the calibration alone, after the best alignment and at the right scale: this or
-  // less in 95 % of the waved places, with a probability of 95 %. 0: not known.
-  double point_error_m = 0;
+  // Of a point by the calibration alone, after the best alignment and at the right scale: 95 % of
+  // the waved places have less. As likely too large as too small, and what it is below with a
+  // probability of 95 %. 0: not known.
+  double point_error_m = 0, point_error_bound_m = 0;
   double used_mean_px = 0;  // reprojection error of the markers that were used
   double unused_share = 0;  // of all cameras' wand views
   ErrorBasis point_error_basis = ErrorBasis::kUnknown;

@@ -221,7 +221,10 @@ CalibrationResult Rescale(const CalibrationResult& calibration, double factor, d
     scaled.wand_volume->max_m *= factor;
   }
   scaled.quality.predicted_error_m *= factor;
-  if (scaled.headline) scaled.headline->point_error_m *= factor;
+  if (scaled.headline) {
+    scaled.headline->point_error_m *= factor;
+    scaled.headline->point_error_bound_m *= factor;
+  }
   const auto rescale_target = [&](CalibratedTarget* target) {
     for (double& position_m : target->marker_positions_m) position_m *= factor;
     for (CalibratedPoint& point : target->static_points) point.position_m *= factor;

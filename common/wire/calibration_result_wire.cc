@@ -253,6 +253,7 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   Copy(result.quality.reasons, proto->mutable_quality()->mutable_reasons());
   if (result.headline) {
     proto->mutable_headline()->set_point_error_m(result.headline->point_error_m);
+    proto->mutable_headline()->set_point_error_bound_m(result.headline->point_error_bound_m);
     proto->mutable_headline()->set_used_mean_px(result.headline->used_mean_px);
     proto->mutable_headline()->set_unused_share(result.headline->unused_share);
     proto->mutable_headline()->set_scale_sigma_rel(result.target.scale_sigma_rel);
@@ -305,6 +306,7 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
   Copy(proto.quality().reasons(), &result.quality.reasons);
   if (proto.has_headline()) {
     result.headline = {.point_error_m = proto.headline().point_error_m(),
+                       .point_error_bound_m = proto.headline().point_error_bound_m(),
                        .used_mean_px = proto.headline().used_mean_px(),
                        .unused_share = proto.headline().unused_share(),
                        .point_error_basis = FromProto(proto.headline().point_error_basis())};

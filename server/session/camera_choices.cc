@@ -77,8 +77,16 @@ absl::StatusOr<CameraChoices::Chosen> CameraChoices::Ask(
     const std::string& agent_id, ChoiceRequest request, const std::function<bool()>& is_cancelled) {
   const std::optional<AgentDirectory::ConnectedAgent> agent = directory_.FindAgent(agent_id);
   if (!agent) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("agent '", agent_id, "' is not connected; start it, and ask again"));
+    std::vector<std::string> others;
+    {
+      const std::lock_guard lock(mutex_);
+      for (const auto& [other, offer] : offers_) others.push_back(other);
+    }
+    return absl::FailedPreconditionError(absl::StrCat(
+        "agent '", Printable(Beginning(agent_id, 64)),
+        "' is not connected; start it, and ask again. ",
+        others.empty() ? "No agent offers cameras now"
+                       : absl::StrCat("Cameras are offered by ", absl::StrJoin(others, ", "))));
   }
   if (!request.device.empty()) RIGCAL_RETURN_IF_ERROR(CheckName(*agent, request.camera));
   RIGCAL_ASSIGN_OR_RETURN(

@@ -250,7 +250,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
   RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts, unsound.left_out));
-  RIGCAL_RETURN_IF_ERROR(CheckMotion(rig));
+  RIGCAL_RETURN_IF_ERROR(CheckMotion(rig, counts));
 
   RigSolveOptions solve = SolveOptionsOf(rig, options, hooks, counts);
   absl::StatusOr<Solved> solved = SolveAndReport(rig, clocks, solve, options, counts, *refused);

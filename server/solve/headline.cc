@@ -34,18 +34,20 @@ std::optional<PointError> MeasurePointError(const RigObservations& rig,
   }
   const BundleProblem& problem = evaluated.solution.built.problem;
   const WavedGrid grid = MeasureWavedGrid(problem, kMostPlaces);
-  const auto p95_m = [&](const RigUncertainty& uncertainty) {
+  const auto expect = [&](const RigUncertainty& uncertainty) {
     PointGains gains =
         ComputeGains(problem, rig.index.cameras, uncertainty.parameters, grid, kUnusedNoisePx);
-    return ComputeExpectedError(std::move(gains), uncertainty.shape_covariance, grid).p95_m;
+    return ComputeExpectedError(std::move(gains), uncertainty.shape_covariance, grid);
   };
+  const ExpectedError by_covariance = expect(*evaluated.uncertainty);
+  ExpectedError all = by_covariance;
+  if (evaluated.lenses_kept.spread > 0) {
+    all = expect(WithKeptLenses(*evaluated.uncertainty, evaluated.lenses_kept));
+  }
   PointError error;
-  error.by_covariance_m = p95_m(*evaluated.uncertainty);
-  error.with_lenses_m =
-      evaluated.lenses_kept.spread > 0
-          ? std::max(error.by_covariance_m,
-                     p95_m(WithKeptLenses(*evaluated.uncertainty, evaluated.lenses_kept)))
-          : error.by_covariance_m;
+  error.by_covariance_m = by_covariance.p95_m;
+  error.with_lenses_m = std::max(error.by_covariance_m, all.p95_m);
+  if (all.p95_m > 0) error.bound_factor = all.p95_bound_m / all.p95_m;
   error.fold_factor = evaluated.predicted.fold_factor;
   return error;
 }
@@ -69,6 +71,7 @@ Headline MakeHeadline(const RigObservations& rig, const EvaluatedSolution& evalu
   if (!result.scale_known) return headline;
   if (const auto error = MeasurePointError(rig, evaluated)) {
     headline.point_error_m = error->StatedM();
+    headline.point_error_bound_m = error->BoundM();
     headline.point_error_basis = error->Basis();
   }
   return headline;

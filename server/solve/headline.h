@@ -14,15 +14,18 @@
 
 namespace rigcal::server {
 
-// The expected error of a point and what makes it up. Each is an error that 95 % of the places
-// where the wand was, and one step around them, stay below with a probability of 95 %
-// (ExpectedError::p95_m), as a running estimate has it. Metres.
+// The expected error of a point and what makes it up: the error that 95 % of the places where the
+// wand was, and one step around them, stay below (ExpectedError::p95_m), as a running estimate has
+// it. Metres.
 struct PointError {
   double by_covariance_m = 0;  // as if kept intrinsics were exact
   double with_lenses_m = 0;    // and what these are off (kept_lenses.h)
   double fold_factor = 1;      // PredictedError::fold_factor
+  // What ExpectedError::p95_bound_m is of p95_m.
+  double bound_factor = 1;
 
   double StatedM() const;
+  double BoundM() const { return bound_factor * StatedM(); }
   ErrorBasis Basis() const;  // what makes most of it
 };
 

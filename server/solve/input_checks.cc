@@ -21,6 +21,7 @@ constexpr double kMarginShare = 0.05;  // of the image, around it
 constexpr double kMostOutside = 0.05;
 constexpr double kLargestShare = 1.5;  // pixels: coordinates up to this are no pixels
 constexpr size_t kMinMarkers = 20;
+constexpr uint32_t kFewViews = 10;  // a wave has thousands
 
 // The row's first visible marker, or, of a target whose marker 0 is enough, that one.
 size_t FirstVisible(const ObservationTable& rows, size_t row, bool any_marker) {
@@ -326,16 +327,25 @@ absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, Came
   return absl::OkStatus();
 }
 
-absl::Status CheckMotion(const RigObservations& rig) {
+absl::Status CheckMotion(const RigObservations& rig,
+                         const std::map<std::string, CameraCounts>& counts) {
   const RigIndex& index = rig.index;
   for (size_t c = 0; c < index.cameras.size(); ++c) {
     const double spread_px = ImageSpreadPx(rig, static_cast<int>(c));
     const double needed_px = kMinSpreadShare * index.cameras[c].image_size_px.width;
     if (spread_px >= needed_px) continue;
+    const std::string& name = index.cameras[c].camera;
+    if (const uint32_t count = counts.at(name).wand_count; count < kFewViews) {
+      return absl::FailedPreconditionError(
+          absl::StrFormat("camera %s saw the wand in only %d of %d rows: is its file or its "
+                          "recording complete? Wave "
+                          "the wand where it can see it, or calibrate without it",
+                          name, count, counts.at(name).observation_count));
+    }
     return absl::FailedPreconditionError(absl::StrFormat(
         "camera %s saw the wand in nearly one place (it moved by %.1f px, at least %.0f px are "
         "needed): wave the wand through all of what the cameras see, near and far, and turn it",
-        index.cameras[c].camera, spread_px, needed_px));
+        name, spread_px, needed_px));
   }
   return absl::OkStatus();
 }

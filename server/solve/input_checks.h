@@ -51,7 +51,9 @@ absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
 absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts,
                          const std::set<std::string>& left_out);
 
-// FAILED_PRECONDITION: a camera in whose image the wand stayed at one place.
-absl::Status CheckMotion(const RigObservations& rig);
+// FAILED_PRECONDITION: a camera in whose image the wand stayed at one place, or with a handful of
+// views.
+absl::Status CheckMotion(const RigObservations& rig,
+                         const std::map<std::string, CameraCounts>& counts);
 
 }  // namespace rigcal::server

@@ -64,8 +64,8 @@ absl::StatusOr<std::optional<Observation>> CsvObservationSource::Next() {
     RIGCAL_ASSIGN_OR_RETURN(const std::optional<LineReader::Line> line, reader_->Next());
     if (!line) {
       if (!has_content_) {
-        Refuse(RefusalReason::kCsvEmpty, 1,
-               absl::StrCat("the file holds no line; expected lines like ",
+        Refuse(RefusalReason::kCsvEmpty, 0,
+               absl::StrCat("the file holds no line, or only empty ones; expected lines like ",
                             CsvLineExample(marker_count_)));
       }
       reader_.reset();
@@ -110,7 +110,8 @@ void CsvObservationSource::AssignClockEpoch(uint64_t line, Observation* observat
 }
 
 void CsvObservationSource::Refuse(RefusalReason reason, uint64_t line, const std::string& what) {
-  const std::string example = absl::StrCat(options_.path, ":", line, ": ", what);
+  const std::string place = line == 0 ? "" : absl::StrCat(":", line);
+  const std::string example = absl::StrCat(options_.path, place, ": ", what);
   spdlog::debug("camera {}: {}: {}", options_.camera, NameOf(reason), example);
   refused_.Add("", reason, 1, example);
 }

@@ -88,7 +88,16 @@ class Calibration:
     def point_error_m(self) -> float:
         """The error of a point by the calibration alone, after the best alignment and at the right
         scale: this or less in 95 % of the waved places, metres. NaN: not known."""
-        error = float(self.message.get("headline", {}).get("point_error_m", 0))
+        return self._headline_error_m("point_error_m")
+
+    @property
+    def point_error_bound_m(self) -> float:
+        """What `point_error_m` is below with a probability of 95 %, metres. NaN: not known, as in
+        files of older releases."""
+        return self._headline_error_m("point_error_bound_m")
+
+    def _headline_error_m(self, name: str) -> float:
+        error = float(self.message.get("headline", {}).get(name, 0))
         return error if error > 0 else float("nan")
 
     @property

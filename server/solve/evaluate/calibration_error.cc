@@ -12,7 +12,7 @@ namespace rigcal::server {
 namespace {
 
 constexpr int kDraws = 64;
-constexpr double kPercentile = 0.95;
+constexpr double kPercentile = 0.95, kBoundProbability = 0.95;
 constexpr double kMinRaySpread = 1e-3;  // least to largest information, by direction
 
 // Square root of a covariance: cov = root * root^T. Directions without variance give zero columns.
@@ -81,7 +81,8 @@ CalibrationError ComputeCalibrationError(const std::vector<Eigen::Vector3d>& poi
     }
     percentiles.push_back(UpperQuantile(&drawn, kPercentile));
   }
-  error.p95_m = UpperQuantile(&percentiles, kPercentile);
+  error.p95_bound_m = UpperQuantile(&percentiles, kBoundProbability);
+  error.p95_m = UpperMedian(&percentiles);
   error.median_m = UpperMedian(error.sigma_m);
   return error;
 }

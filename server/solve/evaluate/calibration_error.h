@@ -20,16 +20,18 @@ struct CalibrationError {
   std::vector<double> sigma_m;  // by point: one sigma (3-D)
   double rms_m = 0;             // root mean square of sigma_m
   double median_m = 0;          // of sigma_m
-  // So large is the error in 95 % of the points, or smaller, with a probability of 95 %.
+  // In 95 % of the points the error is smaller than this, and as likely larger as smaller than
+  // stated: the median of what calibrations as good as this one have.
   double p95_m = 0;
+  double p95_bound_m = 0;  // 95 % of such calibrations have less in 95 % of the points
 };
 
 // Takes the best rigid motion of these points out of their gains (six degrees of freedom): which
 // frame a rig has is a matter of choice. Points on one line keep theirs.
 void RemoveRigidMotion(const std::vector<Eigen::Vector3d>& points_m, PointGainMatrix* gain);
 
-// Free of the rig's frame (RemoveRigidMotion). `covariance` of the parameters. Deterministic: the
-// probability is that of 64 draws from it with fixed random numbers. No point: zeros.
+// Free of the rig's frame (RemoveRigidMotion). `covariance` of the parameters. Deterministic:
+// the probabilities are those of 64 draws from it with fixed random numbers. No point: zeros.
 CalibrationError ComputeCalibrationError(const std::vector<Eigen::Vector3d>& points_m,
                                          PointGainMatrix gain, const Eigen::MatrixXd& covariance);
 

@@ -337,16 +337,19 @@ Quality GradeQuality(const CalibrationResult& result,
   for (const CalibratedCamera& camera : result.cameras) {
     if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
   }
-  GradeFigures(result, predicted, &grade_builder);
-  EvaluateIntrinsics(result, &grade_builder);
+  // Causes first: figures are what they lead to.
   for (const Finding& finding : result.findings) {
     if (finding.candidate) continue;
-    if (predicted) EvaluateSpans(result, *predicted, finding, &grade_builder);
     FindingEffect effect = EffectOf(result, finding);
     if (effect.severity == FindingSeverity::kInfo || effect.reason.empty()) continue;
     grade_builder.Add(
         effect.severity == FindingSeverity::kError ? QualityGrade::kBad : QualityGrade::kUsable,
         std::move(effect.reason));
+  }
+  GradeFigures(result, predicted, &grade_builder);
+  EvaluateIntrinsics(result, &grade_builder);
+  for (const Finding& finding : result.findings) {
+    if (predicted && !finding.candidate) EvaluateSpans(result, *predicted, finding, &grade_builder);
   }
   Quality quality = std::move(grade_builder)
                         .Result(absl::StrFormat(

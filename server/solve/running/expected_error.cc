@@ -221,6 +221,7 @@ ExpectedError ComputeExpectedError(PointGains gains, const Eigen::MatrixXd& cova
   error.sigma_m = std::move(figures.sigma_m);
   error.median_m = figures.median_m;
   error.p95_m = figures.p95_m;
+  error.p95_bound_m = figures.p95_bound_m;
   const auto worst = std::ranges::max_element(error.sigma_m);
   error.worst_m = *worst;
   error.worst_point = error.points[static_cast<size_t>(worst - error.sigma_m.begin())];

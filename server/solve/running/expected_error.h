@@ -59,8 +59,7 @@ struct ExpectedError {
   std::vector<size_t> points;   // indices into the grid
   std::vector<double> sigma_m;  // by point: one sigma (3-D)
   double median_m = 0;          // of sigma_m
-  // So large is the error in 95 % of the points, or smaller, with a probability of 95 %.
-  double p95_m = 0;
+  double p95_m = 0, p95_bound_m = 0;  // as CalibrationError
   double worst_m = 0;         // of sigma_m
   size_t worst_point = 0;     // index into the grid
   double noise_median_m = 0;  // of PointGains::noise_m

@@ -38,6 +38,8 @@ TEST(CompareWithGroundTruth, TheTruthHasNoError) {
     EXPECT_NEAR(camera.time_offset_error_s, 0, 1e-12);
   }
   EXPECT_LT(truth.max_error.position_m, 1e-9);
+  ASSERT_TRUE(truth.point_error_m.has_value());
+  EXPECT_LT(*truth.point_error_m, 1e-6);
 }
 
 TEST(CompareWithGroundTruth, AlignsAnUnknownScaleAndSaysSo) {
@@ -55,6 +57,7 @@ TEST(CompareWithGroundTruth, AlignsAnUnknownScaleAndSaysSo) {
   ASSERT_OK_AND_ASSIGN(const GroundTruthComparison truth,
                        CompareWithGroundTruth(calibration, world));
   EXPECT_NEAR(truth.unit_length_m, 2.5, 1e-9);
+  EXPECT_FALSE(truth.point_error_m.has_value());
   EXPECT_LT(truth.max_error.position_m, 1e-9);
   EXPECT_LT(truth.max_error.rotation_deg, 1e-6);
   // The same in metres is wrong by more than the half of everything.
@@ -80,6 +83,10 @@ TEST(CompareWithGroundTruth, FindsTheErrorOfOneCamera) {
   EXPECT_GT(truth.cameras[4].error.position_m, 0.003);
   EXPECT_LT(truth.cameras[4].error.position_m, 0.006);
   EXPECT_EQ(truth.max_error.position_m, truth.cameras[4].error.position_m);
+  // A point is triangulated from up to six cameras, one of which is 6 mm off.
+  ASSERT_TRUE(truth.point_error_m.has_value());
+  EXPECT_GT(*truth.point_error_m, 0.0005);
+  EXPECT_LT(*truth.point_error_m, 0.006);
   EXPECT_LT(truth.cameras[1].error.position_m, 0.003);
   EXPECT_GT(truth.max_error.rotation_deg, 0);
   EXPECT_NEAR(truth.cameras[4].time_offset_error_s, 0.002, 1e-12);

@@ -41,8 +41,12 @@ TEST(FormatCalibration, BeginsWithTheGradeAndTheHeadline) {
   EXPECT_LT(text.find("Quality: usable"), text.find("expected error"));
   EXPECT_LT(text.find("expected error"), text.find("Reprojection errors"));
   EXPECT_EQ(text.find("from the"), std::string::npos) << "a server that does not say";
+  EXPECT_EQ(text.find("at most"), std::string::npos) << "a server that does not say";
+  calibration.mutable_headline()->set_point_error_bound_m(0.00061);
+  EXPECT_THAT(FormatCalibration(calibration), HasSubstr("\n                   0.61 mm at most"));
   calibration.mutable_quality()->set_grade(v1::Quality::GRADE_BAD);
   EXPECT_THAT(FormatCalibration(calibration), HasSubstr("expected error     at least 0.29 mm"));
+  EXPECT_EQ(FormatCalibration(calibration).find("at most"), std::string::npos);
 }
 
 TEST(FormatCalibration, SaysWhatTheExpectedErrorIsFrom) {

@@ -45,12 +45,15 @@ TEST(CalibrationResultWire, ASolverPathOfANewerServerIsUnknown) {
 TEST(CalibrationResultWire, AnErrorBasisOfANewerServerIsUnknown) {
   CalibrationResult result;
   result.target.given.marker_positions_m = {0, 0.13, 0.39};
-  result.headline = {.point_error_m = 0.001, .point_error_basis = ErrorBasis::kLenses};
+  result.headline = {.point_error_m = 0.001,
+                     .point_error_bound_m = 0.002,
+                     .point_error_basis = ErrorBasis::kLenses};
   v1::Calibration proto;
   FillResult(result, &proto);
   ASSERT_OK_AND_ASSIGN(CalibrationResult back, ResultFromProto(proto));
   ASSERT_TRUE(back.headline.has_value());
   EXPECT_EQ(back.headline->point_error_basis, ErrorBasis::kLenses);
+  EXPECT_EQ(back.headline->point_error_bound_m, 0.002);
   proto.mutable_headline()->set_point_error_basis(static_cast<v1::Headline::ErrorBasis>(99));
   ASSERT_OK_AND_ASSIGN(back, ResultFromProto(proto));
   EXPECT_EQ(back.headline->point_error_basis, ErrorBasis::kUnknown);

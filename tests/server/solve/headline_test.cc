@@ -31,6 +31,12 @@ TEST(PointError, WhatFoldsScatterByIsNoMatterOfTheLenses) {
   EXPECT_EQ(error.Basis(), ErrorBasis::kLenses);
 }
 
+TEST(PointError, IsBoundedByTheSameShareOfAllItsParts) {
+  const PointError error = {
+      .by_covariance_m = 0.003, .with_lenses_m = 0.005, .fold_factor = 3, .bound_factor = 2};
+  EXPECT_DOUBLE_EQ(error.BoundM(), 2 * error.StatedM());
+}
+
 TEST(PointError, OfNothingIsUnknown) {
   EXPECT_EQ(PointError().StatedM(), 0);
   EXPECT_EQ(PointError().Basis(), ErrorBasis::kUnknown);

@@ -145,17 +145,32 @@ Finding AsCandidate(const Cause& cause) {
   return finding;
 }
 
-// Rows whose times scatter look like noise, and like image rows that are taken one after the other.
-void DropWhatJitterExplains(std::vector<Cause>* causes) {
-  std::set<std::string> jittered;
-  for (const Cause& cause : *causes) {
-    if (cause.finding.kind == FindingKind::kStampsJitter) jittered.insert(cause.finding.camera);
+// What a camera suffers from and what that looks like in the same camera, although the solve with
+// the cause taken out no longer shows it: the lenses of the result were refined with the cause in.
+struct Symptoms {
+  std::vector<FindingKind> causes, symptoms;
+};
+
+const Symptoms kSymptoms[] = {
+    // Rows whose times scatter look like noise, and like image rows taken one after the other.
+    {{FindingKind::kStampsJitter}, {FindingKind::kRollingShutter, FindingKind::kNoisyCamera}},
+    {{FindingKind::kCameraMoved, FindingKind::kLensChanged},
+     {FindingKind::kIntrinsicsFromPrior, FindingKind::kWrongIntrinsics}},
+};
+
+void DropSymptoms(std::vector<Cause>* causes) {
+  for (const Symptoms& known : kSymptoms) {
+    std::set<std::string> cameras;
+    for (const Cause& cause : *causes) {
+      if (std::ranges::count(known.causes, cause.finding.kind) > 0) {
+        cameras.insert(cause.finding.camera);
+      }
+    }
+    std::erase_if(*causes, [&](const Cause& cause) {
+      return std::ranges::count(known.symptoms, cause.finding.kind) > 0 &&
+             cameras.contains(cause.finding.camera);
+    });
   }
-  std::erase_if(*causes, [&jittered](const Cause& cause) {
-    const FindingKind kind = cause.finding.kind;
-    return (kind == FindingKind::kRollingShutter || kind == FindingKind::kNoisyCamera) &&
-           jittered.contains(cause.finding.camera);
-  });
 }
 
 }  // namespace
@@ -171,7 +186,7 @@ Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated
     for (const CauseFunction find : kCauses) {
       Append(find({rig, evaluated, result, trial}), &found.causes);
     }
-    DropWhatJitterExplains(&found.causes);
+    DropSymptoms(&found.causes);
     // More data would not mend what spoils those that are there.
     if (explained && evaluated.predicted.holds) {
       std::erase_if(found.causes, [](const Cause& cause) {

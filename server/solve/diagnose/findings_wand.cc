@@ -61,18 +61,18 @@ std::string Advice(const WandExplanation& own, const SessionTimeline& timeline,
   switch (fault.form) {
     case WandFault::Form::kBends:
       return absl::StrFormat(
-          "the wand is bent: its middle marker is %.1f mm (+-%.1f mm) off the line through the two "
+          "the wand is bent: its middle marker is %.1f mm (+-%.2f mm) off the line through the two "
           "others; %s. Straighten it, or take a stiffer bar, and record again",
           size_mm, sigma_mm, errors);
     case WandFault::Form::kSags:
       return absl::StrFormat(
-          "the wand sags: lying, its middle marker is %.1f mm (+-%.1f mm) off the line through the "
+          "the wand sags: lying, its middle marker is %.1f mm (+-%.2f mm) off the line through the "
           "two others, always towards the same side of the room; %s. Take a stiffer bar, and "
           "record again",
           size_mm, sigma_mm, errors);
     case WandFault::Form::kSlips:
       return absl::StrFormat(
-          "%s slipped along the wand by %.1f mm (+-%.1f mm) %s; %s. Fasten it, measure the spans "
+          "%s slipped along the wand by %.1f mm (+-%.2f mm) %s; %s. Fasten it, measure the spans "
           "again and record again, or calibrate what was recorded before it slipped",
           PlaceName(fault.place), size_mm, sigma_mm, timeline.Describe(fault.time_ns), errors);
   }

@@ -54,6 +54,8 @@ std::vector<Cause> FindLoosePoses(const CauseInput& input);
 std::vector<Cause> FindTooLittleData(const CauseInput& input);
 std::vector<Cause> FindOutliersInSpan(const CauseInput& input);
 std::vector<Cause> FindOddCameras(const CauseInput& input);
+// Of one camera, while the target itself is whole.
+std::vector<Cause> FindDisplacedMarkers(const CauseInput& input);
 // Before rolling shutters and noisy cameras, which it looks like; of those that times are estimated
 // of.
 std::vector<Cause> FindStampJitter(const CauseInput& input);

@@ -28,7 +28,7 @@ constexpr CauseFunction kCauses[] = {FindClockOffsets,   FindPriorIntrinsics, Fi
                                      FindFlippedMarkers, FindWrongWandLength, FindWrongTargetShape,
                                      FindUnseenEdges,    FindWeakLinks,       FindNarrowBaselines,
                                      FindLoosePoses,     FindTooLittleData,   FindOutliersInSpan,
-                                     FindOddCameras,     FindStampJitter};
+                                     FindOddCameras,     FindStampJitter,     FindDisplacedMarkers};
 
 void Append(std::vector<Cause> from, std::vector<Cause>* to) {
   to->insert(to->end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_format.h"
@@ -24,6 +25,12 @@ constexpr size_t kMinOddMarkers = 60, kMinOddCameras = 4;
 // motion in the image, as that of a wrong time is.
 constexpr double kShakesShare = 0.75, kAcrossShare = 0.2;
 constexpr size_t kMinShakenRows = 60;
+
+// A marker of one camera is displaced where it is so far beside the others of its row, in the same
+// direction of the image, and so many times as far as in the other cameras: whatever is wrong with
+// the target itself turns with it.
+constexpr double kDisplacedPx = 1, kDisplacedTimes = 4;
+constexpr size_t kMinDisplacedCameras = 3;
 
 struct CameraErrors {
   std::vector<double> errors_px;
@@ -85,7 +92,80 @@ Cause ShakingCause(const std::string& camera, const RowErrors& errors, double er
           true};
 }
 
+// By marker, over the rows of a camera: how far it is beside the mean of the other markers' errors.
+struct MarkerShifts {
+  std::vector<std::vector<double>> x_px, y_px;
+
+  Eigen::Vector2d Median(size_t marker) const {
+    return {UpperMedian(x_px[marker]), UpperMedian(y_px[marker])};
+  }
+};
+
+std::vector<MarkerShifts> ShiftsOf(const TrialProblem& trial, size_t camera_count) {
+  const BundleProblem& problem = trial.problem;
+  const size_t marker_count = problem.MarkerCount();
+  std::vector<MarkerShifts> all(camera_count);
+  for (MarkerShifts& own : all) own.x_px.resize(marker_count), own.y_px.resize(marker_count);
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used || instant.is_rigid) continue;
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      std::vector<std::pair<size_t, Eigen::Vector2d>> row;
+      Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+        if (!residual) continue;
+        row.emplace_back(static_cast<size_t>(marker.marker), *residual);
+        sum += *residual;
+      }
+      if (row.size() < 2) continue;
+      MarkerShifts& own = all[trial.rig_camera[static_cast<size_t>(observation.camera)]];
+      for (const auto& [marker, residual] : row) {
+        const Eigen::Vector2d others = (sum - residual) / static_cast<double>(row.size() - 1);
+        own.x_px[marker].push_back(residual.x() - others.x());
+        own.y_px[marker].push_back(residual.y() - others.y());
+      }
+    }
+  }
+  return all;
+}
+
 }  // namespace
+
+std::vector<Cause> FindDisplacedMarkers(const CauseInput& input) {
+  const size_t camera_count = input.rig.index.cameras.size();
+  const std::vector<MarkerShifts> shifts = ShiftsOf(input.trial, camera_count);
+  struct Shift {
+    size_t marker = 0;
+    Eigen::Vector2d px = Eigen::Vector2d::Zero();
+  };
+  std::vector<Shift> largest(camera_count);
+  std::vector<double> sizes_px;
+  for (size_t c = 0; c < camera_count; ++c) {
+    for (size_t m = 0; m < shifts[c].x_px.size(); ++m) {
+      if (shifts[c].x_px[m].size() < kMinOddMarkers) continue;
+      const Eigen::Vector2d px = shifts[c].Median(m);
+      if (px.norm() > largest[c].px.norm()) largest[c] = {m, px};
+    }
+    sizes_px.push_back(largest[c].px.norm());
+  }
+  std::vector<Cause> causes;
+  if (camera_count < kMinDisplacedCameras) return causes;
+  const double typical_px = LowerMedian(sizes_px);
+  for (size_t c = 0; c < camera_count; ++c) {
+    const Shift& shift = largest[c];
+    const double px = shift.px.norm();
+    if (px < kDisplacedPx || px < kDisplacedTimes * typical_px) continue;
+    causes.push_back(
+        {{FindingKind::kNoisyCamera, input.rig.index.cameras[c].camera, px, "px",
+          absl::StrFormat("marker %d is seen %.1f px beside the others (x %+.1f, y %+.1f), in the "
+                          "same direction in most rows, and in no other camera so. Look at what "
+                          "its detector takes for the centre of that marker: a reflection, a part "
+                          "of the sphere, another light",
+                          static_cast<int>(shift.marker), px, shift.px.x(), shift.px.y())},
+         px});
+  }
+  return causes;
+}
 
 std::vector<Cause> FindOddCameras(const CauseInput& input) {
   // What is left when all other causes are taken out.

@@ -18,6 +18,10 @@ constexpr double kHeldFocalPercent = 1;
 // Of the wand's shape: as much as its spans are wrong by without a word.
 constexpr double kAllowedWandFaultMm = 2;
 constexpr double kMuchFlickerMs = 1;
+// Of the image: less than detectors err by, over the places that a camera saw.
+constexpr double kSmallMovePx = 1;
+// Of the image's width: a lens file so far off is of another lens, resolution or camera.
+constexpr double kOtherLensShare = 0.02;
 
 // Collects what speaks against each grade.
 class GradeBuilder {
@@ -100,7 +104,8 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
   };
   switch (finding.kind) {
     case FindingKind::kCameraMoved:
-      return {FindingSeverity::kError, absl::StrCat(who, " moved while it was recorded")};
+      return {finding.value < kSmallMovePx ? FindingSeverity::kWarning : FindingSeverity::kError,
+              absl::StrCat(who, " moved while it was recorded")};
     case FindingKind::kLensChanged:
       return {FindingSeverity::kError,
               absl::StrCat("the lens of ", who, " changed while it was recorded")};
@@ -109,7 +114,11 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       return warning("the wand did not keep its shape (see findings)");
     // What the solve has corrected is no fault of the calibration.
     case FindingKind::kWrongIntrinsics:
-      if (camera && camera->intrinsics_refined) return {};
+      if (camera && camera->intrinsics_refined) {
+        if (finding.value < kOtherLensShare * camera->image_size_px.width) return {};
+        return warning(
+            absl::StrCat(who, ": its lens file is of another lens or another resolution"));
+      }
       return warning(absl::StrCat(who, " has wrong intrinsics (see findings)"));
     case FindingKind::kWrongLensModel:
       return warning(absl::StrCat(who, ": its lens is of another kind than was given"));
@@ -133,15 +142,15 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
           absl::StrCat(who,
                        ": its intrinsics are what was given more than what the data say "
                        "(see findings)")};
-    // A camera that was left out is no part of what is graded.
+    // Without a camera that was left out the calibration is not what was asked for.
     case FindingKind::kNoisyCamera:
-      if (!camera) return warning("");
-      return warning(absl::StrCat(who, " is much noisier than the others"));
+      if (!camera) return warning(absl::StrCat(who, " was left out (see findings)"));
+      return warning(absl::StrCat(who, " has much worse centres than the others"));
     case FindingKind::kMirroredImage:
-      if (!camera) return warning("");
+      if (!camera) return warning(absl::StrCat(who, " was left out: its image is mirrored"));
       return {FindingSeverity::kError, absl::StrCat("the image of ", who, " is mirrored")};
     case FindingKind::kInconsistentCamera:
-      if (!camera) return warning("");
+      if (!camera) return warning(absl::StrCat(who, " was left out: it agrees with no other one"));
       return {FindingSeverity::kError, absl::StrCat(who, " agrees with no other camera")};
     case FindingKind::kRollingShutter:
       if (camera && camera->line_delay_sigma_s > 0) return {};

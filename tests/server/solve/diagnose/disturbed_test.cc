@@ -106,6 +106,21 @@ TEST(DisturbedRecording, ClockThatJumpedIsNamedAndFollowed) {
   EXPECT_EQ(Get(*outcome.result, FindingKind::kCameraMoved), nullptr);
 }
 
+TEST(DisturbedRecording, AMarkerThatOneCameraSeesBesideItsPlaceIsNamed) {
+  CalibrationInput input = Simulated("cameras=5;duration=40;seed=31");
+  for (Observation& row : input.tracks[3].observations) {
+    if (row.markers.size() > 1 && row.markers[1].visible) row.markers[1].centre_px.x() += 4;
+  }
+  const CalibrationOutcome outcome = Calibrate(std::move(input), {});
+  ASSERT_THAT(outcome.result, IsOk());
+  const Finding* const displaced = Get(*outcome.result, FindingKind::kNoisyCamera);
+  ASSERT_NE(displaced, nullptr);
+  EXPECT_EQ(displaced->camera, "sim_3");
+  EXPECT_GT(displaced->value, 1.5);
+  EXPECT_THAT(displaced->advice, HasSubstr("marker 1 is seen"));
+  EXPECT_NE(outcome.result->quality.grade, QualityGrade::kGood);
+}
+
 TEST(DisturbedRecording, ClockThatJumpedTwiceIsNamedAndFollowed) {
   CalibrationInput input = Simulated("cameras=5;duration=40;seed=31");
   const CalibrationOutcome undisturbed = Calibrate(input, {});

@@ -140,13 +140,14 @@ TEST(QualityGate, WithoutHeldOutDataAtMostUsable) {
 }
 
 TEST(QualityGate, FindingsCount) {
-  const auto with = [](FindingKind kind, bool estimated = true) {
+  const auto with = [](FindingKind kind, bool estimated = true, double value = 1) {
     CalibrationResult result = Sound();
     result.cameras[0].time_offset_estimated = estimated;
-    result.findings.push_back({kind, "a", 1, "", ""});
+    result.findings.push_back({kind, "a", value, "", ""});
     return GradeQuality(result).grade;
   };
   EXPECT_EQ(with(FindingKind::kCameraMoved), QualityGrade::kBad);
+  EXPECT_EQ(with(FindingKind::kCameraMoved, true, 0.9), QualityGrade::kUsable);
   for (const FindingKind kind :
        {FindingKind::kWrongIntrinsics, FindingKind::kRollingShutter, FindingKind::kWrongWandLength,
         FindingKind::kWeakLink, FindingKind::kNarrowBaseline, FindingKind::kLoosePose}) {
@@ -157,12 +158,34 @@ TEST(QualityGate, FindingsCount) {
   EXPECT_EQ(with(FindingKind::kClockOffset, false), QualityGrade::kUsable);
   CalibrationResult refined = Sound();
   refined.cameras[0].intrinsics_refined = true;
+  refined.cameras[0].image_size_px = {1920, 1200};
   refined.findings.push_back({FindingKind::kWrongIntrinsics, "a", 30, "px", ""});
   EXPECT_EQ(GradeQuality(refined).grade, QualityGrade::kGood);
+  refined.findings[0].value = 60;
+  EXPECT_THAT(GradeQuality(refined).reasons, ElementsAre(HasSubstr("of another lens")));
   for (const FindingKind kind :
        {FindingKind::kIntrinsicsKept, FindingKind::kEdgeCoverage, FindingKind::kFlippedLabels}) {
     EXPECT_EQ(with(kind), QualityGrade::kGood) << kind;
   }
+}
+
+TEST(QualityGate, WithoutACameraThatWasLeftOutAtMostUsable) {
+  for (const FindingKind kind :
+       {FindingKind::kInconsistentCamera, FindingKind::kMirroredImage, FindingKind::kNoisyCamera}) {
+    CalibrationResult result = Sound();
+    result.findings.push_back({kind, "gone", 100, "px", ""});
+    const Quality quality = GradeQuality(result);
+    EXPECT_EQ(quality.grade, QualityGrade::kUsable);
+    EXPECT_THAT(quality.reasons, ElementsAre(HasSubstr("camera gone was left out")));
+  }
+}
+
+TEST(QualityGate, NamesCausesBeforeFigures) {
+  CalibrationResult result = Sound();
+  result.cameras[0].held_out->mean_px = 10;
+  result.findings.push_back({FindingKind::kCameraMoved, "a", 20, "px", ""});
+  EXPECT_THAT(GradeQuality(result).reasons,
+              ElementsAre(HasSubstr("moved"), HasSubstr("held-out mean error")));
 }
 
 }  // namespace

@@ -69,8 +69,10 @@ absl::StatusOr<GroundTruthComparison> CompareWithGroundTruth(const v1::Calibrati
     most.position_m = std::max(most.position_m, error.position_m);
     most.rotation_deg = std::max(most.rotation_deg, error.rotation_deg);
   }
-  RIGCAL_ASSIGN_OR_RETURN(const CalibrationResult result, wire::ResultFromProto(calibration));
-  comparison.point_error_m = TruePointErrorM(result, world);
+  // Poses alone can be compared, too.
+  if (const auto result = wire::ResultFromProto(calibration); result.ok()) {
+    comparison.point_error_m = TruePointErrorM(*result, world);
+  }
   return comparison;
 }
 

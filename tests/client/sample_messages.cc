@@ -156,6 +156,11 @@ v1::Calibration TrueCalibration(const SimulatedWorld& world) {
         camera->time_epoch_s() - static_cast<double>(truth.clock_origin_ns) * 1e-9;
     camera->set_time_offset_s(truth.time_offset_s + truth.time_rate_ppm * 1e-6 * since_origin_s);
     camera->set_time_rate_ppm(truth.time_rate_ppm);
+    *camera->mutable_intrinsics() = wire::ToProto(truth.true_intrinsics);
+  }
+  *calibration.mutable_target()->mutable_given() = wire::ToProto(world.target());
+  for (const double position_m : world.true_target().marker_positions_m) {
+    calibration.mutable_target()->add_marker_positions_m(position_m);
   }
   return calibration;
 }

@@ -92,7 +92,8 @@ Cause ShakingCause(const std::string& camera, const RowErrors& errors, double er
           true};
 }
 
-// By marker, over the rows of a camera: how far it is beside the mean of the other markers' errors.
+// By marker, over the rows of a camera: how far it is seen beside where it should be, more than the
+// other markers of the row are on average.
 struct MarkerShifts {
   std::vector<std::vector<double>> x_px, y_px;
 
@@ -121,8 +122,9 @@ std::vector<MarkerShifts> ShiftsOf(const TrialProblem& trial, size_t camera_coun
       MarkerShifts& own = all[trial.rig_camera[static_cast<size_t>(observation.camera)]];
       for (const auto& [marker, residual] : row) {
         const Eigen::Vector2d others = (sum - residual) / static_cast<double>(row.size() - 1);
-        own.x_px[marker].push_back(residual.x() - others.x());
-        own.y_px[marker].push_back(residual.y() - others.y());
+        // Residuals are projected minus seen.
+        own.x_px[marker].push_back(others.x() - residual.x());
+        own.y_px[marker].push_back(others.y() - residual.y());
       }
     }
   }

@@ -117,7 +117,7 @@ TEST(DisturbedRecording, AMarkerThatOneCameraSeesBesideItsPlaceIsNamed) {
   ASSERT_NE(displaced, nullptr);
   EXPECT_EQ(displaced->camera, "sim_3");
   EXPECT_GT(displaced->value, 1.5);
-  EXPECT_THAT(displaced->advice, HasSubstr("marker 1 is seen"));
+  EXPECT_THAT(displaced->advice, AllOf(HasSubstr("marker 1 is seen"), HasSubstr("(x +")));
   EXPECT_NE(outcome.result->quality.grade, QualityGrade::kGood);
 }
 

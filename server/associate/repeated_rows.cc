@@ -95,7 +95,8 @@ std::vector<StampFault> UseRepeatedRowsOnce(std::vector<CameraTrack>* tracks,
                       absl::StrCat(repeats.size(), " of its ", rows.size(),
                                    " rows come a second time, with the same stamp and the same "
                                    "pixels, and were used once: look for a file that was appended "
-                                   "to itself")});
+                                   "to itself, or for a recorded or simulated camera whose agent "
+                                   "was started again")});
   }
   TakeAway(std::move(gone), tracks);
   return faults;

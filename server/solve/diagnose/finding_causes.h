@@ -42,6 +42,7 @@ Repair RepairClockCourse(const CauseInput& input);  // of the one clock that pul
 
 // What was found and taken out by the solve itself, and what is no matter of the residuals.
 std::vector<Cause> FindClockOffsets(const CauseInput& input);
+std::vector<Cause> FindClockRates(const CauseInput& input);  // far from the others', and estimated
 std::vector<Cause> FindFarIntrinsics(const CauseInput& input);
 std::vector<Cause> FindPriorIntrinsics(const CauseInput& input);
 std::vector<Cause> FindFlippedMarkers(const CauseInput& input);

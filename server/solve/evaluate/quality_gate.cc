@@ -131,7 +131,7 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       if (camera && !camera->clock_course.empty()) return {};
       return warning(absl::StrCat("the clock of ", who, " jumped while it was recorded"));
     case FindingKind::kClockDrift:
-      if (camera && !camera->clock_course.empty()) return {};
+      if (camera && (!camera->clock_course.empty() || finding.unit == "ppm")) return {};
       return warning(absl::StrCat("the clock of ", who, " ran at a rate that was not estimated"));
     case FindingKind::kOutliersInSpan:
       return warning(

@@ -81,9 +81,9 @@ std::vector<Disturbance> ClockDisturbances() {
                            [offset_s](double, double) { return offset_s; }));
   }
   for (const double rate_ppm : {1000.0, 3228.0}) {
-    // Which the solve estimates: nothing is wrong.
+    // Which the solve estimates.
     list.push_back(OfClock(
-        absl::StrFormat("clock %.0f ppm fast", rate_ppm), {},
+        absl::StrFormat("clock %.0f ppm fast", rate_ppm), drift,
         [rate_ppm](double share, double span_s) { return 1e-6 * rate_ppm * share * span_s; }));
   }
   return list;

@@ -101,8 +101,9 @@ function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
       {!calibration.scale_known && <p class="why">The scale is not known: lengths are in units of the distance between {calibration.reference_camera} and {calibration.unit_camera}.</p>}
       <dl class="facts">
         <Fact name="expected error" title="Of a point by the calibration alone, after the best alignment and at the right scale: this or less in 95 % of the waved places. The figure of the Wave page. The scale comes on top.">
-          {errorM > 0 ? `${mark === 'bad' ? 'at least ' : ''}${millimetres(errorM * 1e3)} mm` : missing}
-          {boundM > 0 && mark !== 'bad' && <small>at most {millimetres(boundM * 1e3)} mm with a probability of 95 %</small>}</Fact>
+          {errorM > 0 ? `${mark === 'bad' ? 'at least ' : ''}${millimetres(errorM * 1e3)} mm` : missing}</Fact>
+        {boundM > 0 && mark !== 'bad' && <Fact name="at most" title="What the expected error is below with a probability of 95 %">
+          {millimetres(boundM * 1e3)} mm</Fact>}
         <Fact name="scale" title="On top of the expected error: the scale is as good as the wand was measured">
           {scaleText(calibration.target?.scale_sigma_rel)}</Fact>
         <Fact name="reprojection error" title="Mean of the markers that were used">

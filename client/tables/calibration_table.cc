@@ -212,7 +212,7 @@ std::string FormatCameraPoses(const v1::Calibration& calibration) {
       .Numbers({"offset (ms)", "rate (ppm)"}, "time");
   const auto& cameras = calibration.cameras();
   const bool any_rolls =
-      std::ranges::any_of(cameras, [](const auto& c) { return c.line_delay_sigma_s() > 0; });
+      std::ranges::any_of(cameras, [](const auto& c) { return c.line_delay_s() != 0; });
   if (any_rolls) table.Numbers({"delay (us)", "sigma"}, "image row");
   const bool all_estimated =
       std::ranges::all_of(cameras, &v1::CalibratedCamera::time_offset_estimated);
@@ -238,9 +238,10 @@ std::string FormatCameraPoses(const v1::Calibration& calibration) {
     cells.push_back(FormatFixed(camera.time_offset_s() * kMsPerS, 3) + mark);
     cells.push_back(FormatFixed(camera.time_rate_ppm(), 2));
     if (any_rolls) {
-      const bool rolls = camera.line_delay_sigma_s() > 0;
-      cells.push_back(rolls ? FormatFixed(camera.line_delay_s() * kUsPerS, 3) : "-");
-      cells.push_back(rolls ? FormatFixed(camera.line_delay_sigma_s() * kUsPerS, 3) : "-");
+      const bool has_sigma = camera.line_delay_sigma_s() > 0;  // not where it is held at its limit
+      cells.push_back(camera.line_delay_s() != 0 ? FormatFixed(camera.line_delay_s() * kUsPerS, 3)
+                                                 : "-");
+      cells.push_back(has_sigma ? FormatFixed(camera.line_delay_sigma_s() * kUsPerS, 3) : "-");
     }
     table.AddRow(cells);
   }

@@ -77,7 +77,7 @@ struct CalibratedCamera {
   // Rolling shutter: a marker in image row y is seen line_delay * (y - (height - 1) / 2) later than
   // the clock says. Negative where rows are read upwards; 0 unless estimated.
   double line_delay_s = 0;
-  double line_delay_sigma_s = 0;  // one sigma; 0: not estimated
+  double line_delay_sigma_s = 0;  // one sigma; 0: not estimated, or held at the longest possible
   Residuals residuals;
   std::optional<CameraUncertainty> uncertainty;
   std::optional<ErrorFigures> held_out;

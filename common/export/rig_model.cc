@@ -44,7 +44,7 @@ absl::StatusOr<ExportedCamera> CameraOf(const v1::CalibratedCamera& proto, bool 
   for (const v1::ClockCoursePoint& point : proto.clock_course()) {
     camera.clock_course.push_back({point.camera_time_ns(), point.offset_s()});
   }
-  if (proto.line_delay_sigma_s() > 0) camera.line_delay_s = proto.line_delay_s();
+  camera.line_delay_s = proto.line_delay_s();
   camera.mean_error_px = proto.residuals().inlier().mean_px();
   if (proto.has_uncertainty()) {
     const v1::CameraUncertainty& sigma = proto.uncertainty();

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "server/solve/diagnose/readable_time.h"
 
 namespace rigcal::server {
 namespace {
@@ -39,12 +40,13 @@ void AddSearchFindings(const RigObservations& rig, const TimeSearchOutcome& sear
                        std::vector<Finding>* findings) {
   for (const ClockByMotion& clock : searched.by_motion) {
     const std::string& camera = NameOfTrack(rig, clock.track);
+    const ReadableTime offset = ReadableTimeOf(clock.offset_s);
     findings->push_back(
-        {FindingKind::kClockFoundByMotion, camera, 1e3 * clock.offset_s, "ms",
-         absl::StrFormat(
-             "the clock of %s was found %.2f s %s the median clock by the motion of the "
-             "target that it and the others saw; its stamps gave no hint of that",
-             camera, std::abs(clock.offset_s), clock.offset_s > 0 ? "behind" : "ahead of")});
+        {FindingKind::kClockFoundByMotion, camera, offset.value, offset.unit,
+         absl::StrFormat("the clock of %s was found %s %s the median clock by the motion of the "
+                         "target that it and the others saw; its stamps gave no hint of that",
+                         camera, FormatTime(clock.offset_s),
+                         clock.offset_s > 0 ? "behind" : "ahead of")});
   }
   if (searched.period_s > 0) {
     findings->push_back(

@@ -284,18 +284,19 @@ int MainTrack(const RigObservations& rig, const RigSolution& solution, int clock
   return best;
 }
 
-// By time; those that saw anything on the clock, or where none did the first.
+// By time; those that saw anything on the clock, or where none did the first. One that is back
+// where it was begins again.
 std::vector<CameraPart> PartsOf(const TrialProblem& trial, size_t rig_camera, int clock,
                                 int64_t origin_ns) {
   const BundleProblem& problem = trial.problem;
-  std::vector<bool> has_begun(problem.cameras.size(), false);
+  size_t last = problem.cameras.size();
   std::vector<CameraPart> parts;
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     for (const BundleObservation& observation : problem.ObservationsOf(problem.instants[i])) {
       const auto camera = static_cast<size_t>(observation.camera);
       if (trial.rig_camera[camera] != rig_camera || observation.clock != clock) continue;
-      if (has_begun[camera]) continue;
-      has_begun[camera] = true;
+      if (camera == last) continue;
+      last = camera;
       parts.push_back({1e-9 * static_cast<double>(trial.instant_time_ns[i] - origin_ns),
                        problem.cameras[camera]});
     }

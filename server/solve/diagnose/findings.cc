@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "server/solve/diagnose/clock_course.h"
 #include "server/solve/diagnose/finding_causes.h"
 #include "server/solve/evaluate/quality_gate.h"
 
@@ -19,28 +20,44 @@ constexpr int kMaxRepairs = 8;
 constexpr double kFewerCausesWorth = 0.02;
 // Explanations are compared on the same markers, outliers included, each of at most this error.
 constexpr double kComparedCapPx = 60;
+// A clock's course that takes away less of its cameras' mean error is none.
+constexpr double kNoCoursePx = 0.02;
 
 using RepairFunction = Repair (*)(const CauseInput&);
 constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics,      RepairMovedCamera,
                                        RepairWand,   RepairRollingShutters, RepairClockCourse};
 using CauseFunction = std::vector<Cause> (*)(const CauseInput&);
-constexpr CauseFunction kCauses[] = {FindClockOffsets,   FindPriorIntrinsics, FindFarIntrinsics,
-                                     FindFlippedMarkers, FindWrongWandLength, FindWrongTargetShape,
-                                     FindUnseenEdges,    FindWeakLinks,       FindNarrowBaselines,
-                                     FindLoosePoses,     FindTooLittleData,   FindOutliersInSpan,
-                                     FindOddCameras,     FindStampJitter,     FindDisplacedMarkers};
+constexpr CauseFunction kCauses[] = {
+    FindClockOffsets,   FindClockRates,      FindPriorIntrinsics,  FindFarIntrinsics,
+    FindFlippedMarkers, FindWrongWandLength, FindWrongTargetShape, FindUnseenEdges,
+    FindWeakLinks,      FindNarrowBaselines, FindLoosePoses,       FindTooLittleData,
+    FindOutliersInSpan, FindOddCameras,      FindStampJitter,      FindDisplacedMarkers};
 
 void Append(std::vector<Cause> from, std::vector<Cause>* to) {
   to->insert(to->end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
 }
 
+// A trial in which none of these clocks has a course that takes away anything.
+bool RunsEvenly(const CauseInput& input, const TrialProblem& trial,
+                const std::vector<int>& clocks) {
+  return std::ranges::all_of(clocks, [&](int clock) {
+    const auto course = MeasureClockCourse(input.rig, input.evaluated.solution, trial, clock);
+    return course && (course->kind == CourseKind::kConstant || course->gain_px() < kNoCoursePx);
+  });
+}
+
 // Where the last of several causes explains as much alone, the others were found because it had not
-// been taken out yet. None where it does not. Not behind a clock's course, whose paths leave out
-// outliers: errors with them and without do not compare.
+// been taken out yet. None where it does not. Behind a clock's course, whose paths leave out
+// outliers, errors with them and without do not compare: there the clock must run evenly once the
+// last cause alone is taken out.
 std::optional<Repair> ExplainedAlone(const CauseInput& start, const Repair& last) {
-  if (!last.on_other || !last.repaired.uneven_clocks.empty()) return std::nullopt;
+  if (!last.on_other) return std::nullopt;
   Repair alone = last.on_other(start);
   if (alone.causes.empty()) return std::nullopt;
+  if (!last.repaired.uneven_clocks.empty()) {
+    if (!RunsEvenly(start, alone.repaired, last.repaired.uneven_clocks)) return std::nullopt;
+    return alone;
+  }
   const double both_px = CappedErrorPx(last.repaired.problem, kComparedCapPx);
   const double alone_px = CappedErrorPx(alone.repaired.problem, kComparedCapPx);
   if (alone_px > (1 + kFewerCausesWorth) * both_px) return std::nullopt;

@@ -9,7 +9,9 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "common/statistics/robust_statistics.h"
+#include "server/solve/diagnose/clock_reference.h"
 #include "server/solve/diagnose/finding_causes.h"
+#include "server/solve/diagnose/readable_time.h"
 
 namespace rigcal::server {
 namespace {
@@ -22,10 +24,34 @@ constexpr double kMaxExtrapolationS = 0.05;
 constexpr size_t kLargeRig = 10;
 constexpr size_t kMaxOffsetObservations = 5000;
 
+std::set<std::string> CamerasOfClock(const CauseInput& input, size_t clock) {
+  std::set<std::string> cameras;
+  for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
+    if (input.rig.index.clock_of_track[t] != static_cast<int>(clock)) continue;
+    cameras.insert(input.rig.tracks[t].track.camera.camera);
+  }
+  return cameras;
+}
+
 struct ClockOffset {
-  double offset_s = 0;  // on top of the coarse alignment, against the session's median
+  double offset_s = 0;  // on top of the coarse alignment, against the session's reference
   double sigma_s = 0;   // of the estimate and of the alignment
+  std::string against;  // for people
+  bool is_reference = false;
 };
+
+std::string DescribeReference(const CauseInput& input, const ClockReference& reference,
+                              const std::vector<size_t>& clocks) {
+  if (clocks.size() == 2) return "the other clock (of two, either may be the one that is off)";
+  if (reference.members.empty()) return "the median clock";
+  if (!reference.is_either) {
+    return absl::StrFormat("the %d clocks that agree", reference.members.size());
+  }
+  std::set<std::string> cameras;
+  for (const size_t i : reference.members) cameras.merge(CamerasOfClock(input, clocks[i]));
+  return absl::StrCat("the clocks of ", absl::StrJoin(cameras, ", "),
+                      " (as many agree with each other elsewhere: either may be off)");
+}
 
 // None where no sigma can be computed.
 std::vector<ClockOffset> Offsets(const CauseInput& input, const BundleProblem& problem) {
@@ -49,9 +75,16 @@ std::vector<ClockOffset> Offsets(const CauseInput& input, const BundleProblem& p
       values.push_back(solution.clocks[k].time_offset_s + problem.clocks[k].time_offset_s);
       sigmas.push_back(estimate_sigma_s[k]);
     }
-    const double median = Median(values);
+    const double sigma_s = Median(sigmas);
+    ClockReference reference =
+        ReferenceOfClocks(values, std::max(kMinOffsetS, kClockSigmas * sigma_s));
+    // Of two that disagree the first is taken for right.
+    if (clocks.size() == 2 && reference.members.empty()) reference.offset_s = values.front();
+    const std::string against = DescribeReference(input, reference, clocks);
     for (size_t i = 0; i < clocks.size(); ++i) {
-      offsets[clocks[i]] = {values[i] - median, std::max(sigmas[i], Median(sigmas))};
+      const bool is_member = std::ranges::count(reference.members, i) > 0;
+      offsets[clocks[i]] = {values[i] - reference.offset_s, std::max(sigmas[i], sigma_s), against,
+                            is_member};
     }
   }
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
@@ -59,15 +92,6 @@ std::vector<ClockOffset> Offsets(const CauseInput& input, const BundleProblem& p
     offset.sigma_s = std::hypot(offset.sigma_s, input.rig.tracks[t].offset_sigma_s);
   }
   return offsets;
-}
-
-std::set<std::string> CamerasOfClock(const CauseInput& input, size_t clock) {
-  std::set<std::string> cameras;
-  for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
-    if (input.rig.index.clock_of_track[t] != static_cast<int>(clock)) continue;
-    cameras.insert(input.rig.tracks[t].track.camera.camera);
-  }
-  return cameras;
 }
 
 // Leaves of a large rig's problem what tells how a clock's cameras fit: these cameras against the
@@ -95,7 +119,7 @@ void Restrict(size_t clock, BundleProblem* problem) {
   }
 }
 
-// The errors if the clock ran with the median clock.
+// The errors if the clock ran with those that it is compared with.
 ErrorChange WithoutOffset(const CauseInput& input, const BundleProblem& corrected, size_t clock,
                           double offset_s, const std::string& camera) {
   ErrorChange change;
@@ -113,13 +137,11 @@ ErrorChange WithoutOffset(const CauseInput& input, const BundleProblem& correcte
 }
 
 std::string Advice(const std::set<std::string>& cameras, const ClockOffset& offset,
-                   const ErrorChange& change, bool two_clocks, bool corrected) {
-  const double offset_ms = 1e3 * offset.offset_s;
-  std::string advice = absl::StrFormat(
-      "its rows show the wand %.2f ms %s than their stamps say (+-%.2f ms), against %s",
-      std::abs(offset_ms), offset_ms < 0 ? "earlier" : "later", 1e3 * offset.sigma_s,
-      two_clocks ? "the other clock (of two, either may be the one that is off)"
-                 : "the median clock");
+                   const ErrorChange& change, bool corrected) {
+  std::string advice =
+      absl::StrFormat("its rows show the wand %s %s than their stamps say (+-%.2f ms), against %s",
+                      FormatTime(offset.offset_s), offset.offset_s < 0 ? "earlier" : "later",
+                      1e3 * offset.sigma_s, offset.against);
   if (cameras.size() > 1) {
     absl::StrAppend(&advice, "; so do all on its clock: ", absl::StrJoin(cameras, ", "));
   }
@@ -145,20 +167,17 @@ std::vector<Cause> CausesOf(const CauseInput& input, const BundleProblem& proble
   for (const auto& [session, clocks] : ClocksBySession(input.evaluated.solution.clocks)) {
     for (const size_t k : clocks) {
       if (std::ranges::count(input.trial.uneven_clocks, static_cast<int>(k)) > 0) continue;
-      ClockOffset offset = offsets[k];
-      const bool two_clocks = clocks.size() == 2;
-      if (two_clocks) {
-        if (k == clocks.front()) continue;
-        offset.offset_s *= 2;
-      }
+      const ClockOffset& offset = offsets[k];
+      if (offset.is_reference) continue;
       if (std::abs(offset.offset_s) <= std::max(kMinOffsetS, kClockSigmas * offset.sigma_s))
         continue;
       const std::set<std::string> cameras = CamerasOfClock(input, k);
       if (cameras.empty()) continue;
       const ErrorChange change =
           WithoutOffset(input, problem, k, offset.offset_s, *cameras.begin());
-      causes.push_back({{FindingKind::kClockOffset, *cameras.begin(), 1e3 * offset.offset_s, "ms",
-                         Advice(cameras, offset, change, two_clocks, corrected)},
+      const ReadableTime readable = ReadableTimeOf(offset.offset_s);
+      causes.push_back({{FindingKind::kClockOffset, *cameras.begin(), readable.value, readable.unit,
+                         Advice(cameras, offset, change, corrected)},
                         std::max(0.0, change.gain_px())});
     }
   }

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
 #include <vector>
 
 #include "absl/strings/str_format.h"
@@ -7,26 +6,19 @@
 #include "server/solve/rig/stamp_jitter.h"
 
 namespace rigcal::server {
-namespace {
-
-constexpr double kOfMost = 0.5;
-
-}  // namespace
 
 std::vector<Cause> FindStampJitter(const CauseInput& input) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
   if (!input.evaluated.options.estimate_time_offsets || problem.HasRigidTarget()) return {};
   const std::vector<StampJitter> all = MeasureStampJitter(problem);
-  // The cameras beside one whose stamps jitter are pulled along.
-  double most_s = 0;
-  for (const StampJitter& jitter : all) most_s = std::max(most_s, jitter.jitter_s);
+  const std::vector<bool> jitters = CamerasThatJitter(all);
   std::vector<Cause> causes;
   for (size_t c = 0; c < all.size(); ++c) {
     const StampJitter& jitter = all[c];
-    if (!jitter.StandsOut() || jitter.jitter_s < kOfMost * most_s) continue;
+    if (!jitters[c]) continue;
     causes.push_back(
         {{FindingKind::kStampsJitter, problem.cameras[c].name, 1e3 * jitter.jitter_s, "ms",
-          absl::StrFormat("the times of its rows scatter by %.1f ms from one to the next (one "
+          absl::StrFormat("the times of its rows scatter by about %.1f ms from one to the next (one "
                           "sigma), as stamps of arrival do; %.1f ms would be linear in the image "
                           "row, as of a rolling shutter. At the speed of this wave that is %.1f "
                           "px. Take the camera's own stamps, of the exposure",

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,9 +26,11 @@ double ImageHeightPx(const CauseInput& input, size_t camera) {
 
 // The trial's problem with line delays free. Not `keep_drift`: the rates that the solve gave to the
 // clocks are taken back; over a short recording the rows' times look like a drift.
-BundleProblem WithLineDelays(const CauseInput& input, bool keep_drift) {
+BundleProblem WithLineDelays(const CauseInput& input, const std::set<std::string>& without,
+                             bool keep_drift) {
   BundleProblem problem = input.trial.problem;
   for (BundleCamera& camera : problem.cameras) {
+    if (without.contains(camera.name)) continue;
     camera.line_delay_fixed = false;
     camera.line_delay_sigma_s = kLineDelayPriorS;
   }
@@ -38,10 +41,15 @@ BundleProblem WithLineDelays(const CauseInput& input, bool keep_drift) {
   return problem;
 }
 
-// Stamps that scatter from row to row bend what image rows explain.
-bool JitterOf(const BundleProblem& problem) {
-  return !problem.HasRigidTarget() &&
-         std::ranges::any_of(MeasureStampJitter(problem), &StampJitter::StandsOut);
+// Cameras whose stamps scatter from row to row, which bends what image rows explain.
+std::set<std::string> JitteringCameras(const BundleProblem& problem) {
+  std::set<std::string> names;
+  if (problem.HasRigidTarget()) return names;
+  const std::vector<bool> jitters = CamerasThatJitter(MeasureStampJitter(problem));
+  for (size_t c = 0; c < jitters.size(); ++c) {
+    if (jitters[c]) names.insert(problem.cameras[c].name);
+  }
+  return names;
 }
 
 std::string Advice(double line_time_s, double sigma_s, double rows, const ErrorChange& change) {
@@ -59,11 +67,12 @@ Repair RepairRollingShutters(const CauseInput& input) {
   Repair repair;
   // Where line delays are estimated they are taken out.
   if (!input.evaluated.options.estimate_line_delays.empty()) return repair;
-  if (JitterOf(input.evaluated.solution.built.problem)) return repair;
-  BundleProblem rolling = WithLineDelays(input, true);
+  const std::set<std::string> jitter = JitteringCameras(input.evaluated.solution.built.problem);
+  if (jitter.size() == input.rig.index.cameras.size()) return repair;
+  BundleProblem rolling = WithLineDelays(input, jitter, true);
   if (!SolveTrialFromAfar(input.trial.bundle, &rolling).ok()) return repair;
   if (input.evaluated.options.estimate_time_rates) {
-    BundleProblem undone = WithLineDelays(input, false);
+    BundleProblem undone = WithLineDelays(input, jitter, false);
     if (SolveTrialFromAfar(input.trial.bundle, &undone).ok() &&
         Overall(CompareErrors(rolling, undone)).gain_px() > 0) {
       rolling = std::move(undone);
@@ -74,6 +83,7 @@ Repair RepairRollingShutters(const CauseInput& input) {
   const std::vector<ErrorChange> changes = CompareErrors(input.trial.problem, rolling);
   for (size_t c = 0; c < rolling.cameras.size(); ++c) {
     BundleCamera& camera = rolling.cameras[c];
+    if (camera.line_delay_fixed) continue;
     const double sigma_s = sigmas->Of({ReducedParameterKind::kLineDelay, static_cast<int>(c), 0});
     const double rows = ImageHeightPx(input, c);
     const double size_s = std::abs(camera.line_delay_s);

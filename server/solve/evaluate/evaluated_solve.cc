@@ -14,6 +14,7 @@
 #include "server/solve/evaluate/fold_evaluation.h"
 #include "server/solve/evaluate/held_out_choice.h"
 #include "server/solve/evaluate/intrinsics_choice.h"
+#include "server/solve/evaluate/lens_comparison.h"
 #include "server/solve/evaluate/line_delay_choice.h"
 #include "server/solve/evaluate/path_choice.h"
 #include "server/solve/evaluate/restart.h"
@@ -166,6 +167,11 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     TakeBack(rig, first, &result.solution);
     RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
     TakeBack(rig, first, &result.solution);
+    if (first.estimate_time_rates && first.estimate_line_delays.empty()) {
+      // Clocks that drift had hidden them: they were not the same in both halves.
+      RIGCAL_RETURN_IF_ERROR(TryLineDelays(rig, &first, &result.solution));
+      TakeBack(rig, first, &result.solution);
+    }
   }
   result.options.estimate_line_delays = first.estimate_line_delays;
   result.options.estimate_time_rates = first.estimate_time_rates;
@@ -180,6 +186,20 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   if (choose) {
     RIGCAL_ASSIGN_OR_RETURN(intrinsics,
                             ChooseIntrinsics(rig, initial, result.solution, blocks, first));
+  }
+  std::optional<RigSolution> with_refined_lenses;
+  if (intrinsics.refine) {
+    RigSolveOptions with_refined = first;
+    with_refined.refine_intrinsics = true;
+    RIGCAL_ASSIGN_OR_RETURN(with_refined_lenses,
+                            SolveRig(rig, initial.clocks, with_refined, &initial));
+    TakeBack(rig, first, &result.solution);
+    if (const auto lenses = CompareLenses(result.solution, *with_refined_lenses, first);
+        lenses && !lenses->RefinedIsNearer()) {
+      KeepGiven(*lenses, &intrinsics);
+    }
+    PutAway(rig, first, &result.solution);
+    PutAway(rig, with_refined, &*with_refined_lenses);
   }
   RIGCAL_ASSIGN_OR_RETURN(FoldResults folds,
                           EvaluateFolds(rig, initial, result.solution, blocks, first,
@@ -201,7 +221,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   }
   if (result.options.refine_intrinsics != first.refine_intrinsics) {
     first.refine_intrinsics = result.options.refine_intrinsics;
-    RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, initial.clocks, first, &initial));
+    result.solution = *std::move(with_refined_lenses);
   }
   // Also where given intrinsics are asked for, the data say how far they are off.
   std::optional<RefinedLenses> refined;

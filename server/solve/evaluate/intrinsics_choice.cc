@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -151,6 +152,7 @@ absl::StatusOr<IntrinsicsChoice> ChooseIntrinsics(const RigObservations& rig,
     return choice;
   }
   choice.refine = scores.RefinedPays();
+  choice.given_px = scores.given_px / scores.folds;
   choice.finding = IntrinsicsFinding(scores);
   if (!choice.refine) return choice;
   // What does not hold over long blocks is refined in no fold.
@@ -162,6 +164,18 @@ absl::StatusOr<IntrinsicsChoice> ChooseIntrinsics(const RigObservations& rig,
   choice.refine_in_fold.assign(of_fold.size(), false);
   choice.finding = KeptFinding(scores, *gain);
   return choice;
+}
+
+void KeepGiven(const LensComparison& lenses, IntrinsicsChoice* choice) {
+  choice->refine = false;
+  choice->refine_in_fold.assign(choice->refine_in_fold.size(), false);
+  const std::string fit = std::move(choice->finding.advice);
+  choice->finding = {
+      FindingKind::kIntrinsicsKept, "", choice->given_px, "px",
+      absl::StrFormat("%s; but the data tell so little about the lenses that with these the "
+                      "cameras would be placed %.1f times as far off as with the given ones, which "
+                      "are used",
+                      fit.substr(0, fit.find(';')), lenses.refined_m / lenses.given_m)};
 }
 
 }  // namespace rigcal::server

@@ -6,6 +6,7 @@
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
 #include "server/solve/evaluate/held_out.h"
+#include "server/solve/evaluate/lens_comparison.h"
 #include "server/solve/rig/rig_observations.h"
 #include "server/solve/rig/rig_solution.h"
 #include "server/solve/rig/rig_solve_options.h"
@@ -18,7 +19,8 @@ struct IntrinsicsChoice {
   std::vector<bool> refine_in_fold;  // chosen without what the fold leaves out
   // Refined ones fit better between neighbouring times only, and are not used for that.
   bool refined_by_chance = false;
-  Finding finding;  // what was chosen, and why
+  double given_px = 0;  // held-out error with the given ones
+  Finding finding;      // what was chosen, and why
 };
 
 // For each fold of `blocks`, two inner solves hold out blocks of what the fold leaves: refined
@@ -33,5 +35,9 @@ absl::StatusOr<IntrinsicsChoice> ChooseIntrinsics(const RigObservations& rig,
                                                   const RigSolution& solution,
                                                   const TimeBlocks& blocks,
                                                   const RigSolveOptions& base);
+
+// Where refined intrinsics were chosen that are not expected to put the cameras nearer: the given
+// ones are kept, in all folds.
+void KeepGiven(const LensComparison& lenses, IntrinsicsChoice* choice);
 
 }  // namespace rigcal::server

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
+#include "server/solve/rig/line_delay_limit.h"
 #include "server/solve/rig/line_delays.h"
 #include "server/solve/rig/outliers.h"
 #include "server/solve/rig/put_away.h"
@@ -21,19 +22,28 @@ constexpr double kMayLoseMarkers = 0.05;  // of all markers
 // Of a rolling shutter that is named: sigmas of its line delay, and the time over the image.
 constexpr double kShutterSigmas = 8, kMinReadoutS = 2e-3;
 
+Finding AtLimit(const CameraDescription& camera, double delay_s) {
+  return {FindingKind::kRollingShutter, camera.camera, 1e6 * delay_s, "us",
+          absl::StrFormat("its image rows are taken one after the other, %.2f us apart, %.1f ms "
+                          "over the image: the whole period of its frames, which is the longest "
+                          "that is possible, and at which it is held. Its rows would fit better "
+                          "with more: check its frame rate, its lens and its stamps",
+                          1e6 * delay_s, 1e3 * std::abs(delay_s) * camera.image_size_px.height)};
+}
+
 }  // namespace
 
 absl::Status TryLineDelays(const RigObservations& rig, RigSolveOptions* options,
                            RigSolution* solution) {
-  const std::vector<StampJitter> jitter = MeasureStampJitter(solution->built.problem);
-  if (std::ranges::any_of(jitter, &StampJitter::StandsOut)) return absl::OkStatus();
+  const std::vector<bool> jitters = CamerasThatJitter(MeasureStampJitter(solution->built.problem));
+  if (std::ranges::count(jitters, false) == 0) return absl::OkStatus();
   std::vector<int> heights_px;
   for (const CameraDescription& camera : rig.index.cameras) {
     heights_px.push_back(camera.image_size_px.height);
   }
   std::vector<LineDelay> delays;
-  const absl::StatusOr<std::vector<bool>> roll =
-      FindRollingShutters(solution->built.problem, heights_px, options->cancelled, &delays);
+  const absl::StatusOr<std::vector<bool>> roll = FindRollingShutters(
+      solution->built.problem, heights_px, jitters, options->cancelled, &delays);
   if (absl::IsCancelled(roll.status())) return roll.status();
   if (!roll.ok() || roll->empty()) return absl::OkStatus();
   RigSolveOptions with_delays = *options;
@@ -64,11 +74,15 @@ std::vector<Finding> RollingShutterFindings(const RigObservations& rig,
                                             const RigUncertainty& uncertainty) {
   std::vector<Finding> findings;
   const RigInitialization solved = InitializationFrom(solution);
+  const std::vector<double> longest_s = LongestLineDelays(rig);
   for (size_t c = 0; c < options.estimate_line_delays.size(); ++c) {
     const Eigen::Index row =
         uncertainty.Row({ReducedParameterKind::kLineDelay, static_cast<int>(c), 0});
-    if (row < 0) continue;
     const double delay_s = solved.line_delay_s[c];
+    if (row < 0 && options.estimate_line_delays[c] && IsAtLimit(delay_s, longest_s[c])) {
+      findings.push_back(AtLimit(rig.index.cameras[c], delay_s));
+    }
+    if (row < 0) continue;
     const double sigma_s = std::sqrt(uncertainty.covariance(row, row));
     const double readout_s = std::abs(delay_s) * rig.index.cameras[c].image_size_px.height;
     if (std::abs(delay_s) < kShutterSigmas * sigma_s || readout_s < kMinReadoutS) continue;

@@ -17,7 +17,8 @@ namespace rigcal::server {
 absl::Status TryLineDelays(const RigObservations& rig, RigSolveOptions* options,
                            RigSolution* solution);
 
-// The cameras whose estimated line delay stands out: by 8 sigma, and by 2 ms over the image.
+// The cameras whose estimated line delay stands out, by 8 sigma and by 2 ms over the image, or is
+// held at the longest that is possible (line_delay_limit.h).
 std::vector<Finding> RollingShutterFindings(const RigObservations& rig,
                                             const RigSolveOptions& options,
                                             const RigSolution& solution,

@@ -7,6 +7,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
 #include "server/solve/rig/put_away.h"
+#include "server/solve/rig/stamp_jitter.h"
 
 namespace rigcal::server {
 namespace {
@@ -29,6 +30,9 @@ bool TriesPath(const RigObservations& rig, const RigSolveOptions& options,
       problem.markers.size() > (problem.IsPoint() ? kMaxPathPoints : kMaxPathMarkers)) {
     return false;
   }
+  // Every row is compared with the path at its own time.
+  const std::vector<StampJitter> jitter = MeasureStampJitter(problem);
+  if (std::ranges::any_of(jitter, &StampJitter::StandsOut)) return false;
   const auto information = [&](int track, int row, size_t column) {
     if (options.sigma_px > 0) return 2 / (options.sigma_px * options.sigma_px);
     return rig.tracks[static_cast<size_t>(track)]

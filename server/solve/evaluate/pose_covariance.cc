@@ -20,8 +20,8 @@ absl::StatusOr<RigPoses> PosesOf(const CalibrationResult& calibration,
   }
   RigPoses poses;
   poses.scale_sigma_rel = calibration.target.scale_sigma_rel;
-  std::vector<Eigen::Index> rows;    // in the packed covariance, of each pose row; -1: none
-  std::vector<Eigen::Index> lenses;  // likewise, of the intrinsics that are exact
+  std::vector<Eigen::Index> rows;      // in the packed covariance, of each pose row; -1: none
+  std::vector<Eigen::Index> lenses;    // likewise, of the intrinsics that are exact
   std::vector<Eigen::Index> own_rows;  // of RigPoses::lenses
   Eigen::Index count = 0;
   for (const CalibratedCamera& camera : calibration.cameras) {

@@ -153,7 +153,7 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       if (!camera) return warning(absl::StrCat(who, " was left out: it agrees with no other one"));
       return {FindingSeverity::kError, absl::StrCat(who, " agrees with no other camera")};
     case FindingKind::kRollingShutter:
-      if (camera && camera->line_delay_sigma_s > 0) return {};
+      if (camera && camera->line_delay_s != 0) return {};
       return warning(absl::StrCat(who, " has a rolling shutter (see findings)"));
     case FindingKind::kWrongWandLength:
       return warning("the wand is not as it was given (see findings)");

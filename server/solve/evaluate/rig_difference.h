@@ -43,9 +43,9 @@ struct RigDifference {
 // A hidden move of so much at the volume's middle makes a verdict of no worth.
 inline constexpr double kHiddenPx = 2;
 
-// Where both have the same intrinsics of a camera, these are taken as exact: the monitor solves with
-// those of the calibration that it looks after. Lenses that A has refined itself are allowed an
-// error of 0.25 px between two waves.
+// Where both have the same intrinsics of a camera, these are taken as exact: the monitor solves
+// with those of the calibration that it looks after. Lenses that A has refined itself are allowed
+// an error of 0.25 px between two waves.
 //
 // Finds the cameras that did not move: the largest set whose poses in A and B are one rigid body
 // within the joint covariance of both. A further camera is taken out of it where the squared

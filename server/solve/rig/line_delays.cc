@@ -28,6 +28,7 @@ constexpr double kKnownReadoutS = 0.1e-3;  // one sigma; a delay of less than 3 
 
 // The used instants that are wanted, thinned evenly, with line delays free.
 BundleProblem WithFreeLineDelays(const BundleProblem& solved, size_t max_markers,
+                                 const std::vector<bool>& without,
                                  const std::function<bool(size_t)>& use) {
   std::vector<size_t> wanted;
   size_t markers = 0;
@@ -56,9 +57,10 @@ BundleProblem WithFreeLineDelays(const BundleProblem& solved, size_t max_markers
     }
     problem.instants.push_back(instant);
   }
-  for (BundleCamera& camera : problem.cameras) {
-    camera.line_delay_fixed = false;
-    camera.line_delay_sigma_s = kLineDelayPriorS;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    if (c < without.size() && without[c]) continue;
+    problem.cameras[c].line_delay_fixed = false;
+    problem.cameras[c].line_delay_sigma_s = kLineDelayPriorS;
   }
   return problem;
 }
@@ -90,9 +92,9 @@ bool IsSame(const LineDelay& a, const LineDelay& b) {
 }  // namespace
 
 absl::StatusOr<std::vector<LineDelay>> EstimateLineDelays(
-    const BundleProblem& solved, size_t max_markers, const std::function<bool(size_t instant)>& use,
-    const std::atomic<bool>* cancelled) {
-  BundleProblem problem = WithFreeLineDelays(solved, max_markers, use);
+    const BundleProblem& solved, size_t max_markers, const std::vector<bool>& without,
+    const std::function<bool(size_t instant)>& use, const std::atomic<bool>* cancelled) {
+  BundleProblem problem = WithFreeLineDelays(solved, max_markers, without, use);
   BundleOptions bundle;
   bundle.function_tolerance = kLineDelayTolerance;
   bundle.initial_radius = kSolvedRadius;
@@ -123,9 +125,11 @@ absl::StatusOr<std::vector<LineDelay>> EstimateLineDelays(
 
 absl::StatusOr<std::vector<bool>> FindRollingShutters(const BundleProblem& solved,
                                                       const std::vector<int>& heights_px,
+                                                      const std::vector<bool>& without,
                                                       const std::atomic<bool>* cancelled,
                                                       std::vector<LineDelay>* delays) {
-  RIGCAL_ASSIGN_OR_RETURN(*delays, EstimateLineDelays(solved, kEnoughMarkers, {}, cancelled));
+  RIGCAL_ASSIGN_OR_RETURN(*delays,
+                          EstimateLineDelays(solved, kEnoughMarkers, without, {}, cancelled));
   const auto stands_out = [&](size_t c) {
     const double size_s = std::abs((*delays)[c].line_delay_s);
     return size_s > kStandOutSigmas * (*delays)[c].sigma_s && size_s * heights_px[c] > kMinReadoutS;
@@ -138,8 +142,8 @@ absl::StatusOr<std::vector<bool>> FindRollingShutters(const BundleProblem& solve
     const auto use = [&](size_t instant) {
       return (2 * instant >= solved.instants.size()) == second;
     };
-    RIGCAL_ASSIGN_OR_RETURN(halves[second],
-                            EstimateLineDelays(solved, kEnoughMarkers / 2, use, cancelled));
+    RIGCAL_ASSIGN_OR_RETURN(
+        halves[second], EstimateLineDelays(solved, kEnoughMarkers / 2, without, use, cancelled));
   }
   bool any = false;
   for (size_t c = 0; c < roll.size(); ++c) {

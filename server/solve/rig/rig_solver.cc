@@ -20,6 +20,7 @@
 #include "server/solve/rig/image_motion.h"
 #include "server/solve/rig/intrinsics_prior.h"
 #include "server/solve/rig/labels.h"
+#include "server/solve/rig/line_delay_limit.h"
 #include "server/solve/rig/outliers.h"
 #include "server/solve/rig/sphere_centres.h"
 #include "server/solve/rig/thin_out.h"
@@ -58,6 +59,7 @@ class RigSolver {
             const RigSolveOptions& options)
       : rig_(rig),
         options_(options),
+        longest_line_delay_s_(LongestLineDelays(rig)),
         held_clocks_(rig.tracks, rig.index, clocks, options.reference_camera) {
     solution_.clocks = clocks;
     solution_.motions = options.motions != nullptr ? *options.motions : MotionsOf(rig);
@@ -98,10 +100,13 @@ class RigSolver {
       RIGCAL_RETURN_IF_ERROR(Adjust(round, exact_));
       const int flipped = is_last || labels_at_rest ? 0 : FlipWrongLabels();
       const int changed = ClassifyOutliers(&problem());
+      const bool held_delays =
+          HoldLongLineDelays(longest_line_delay_s_, solution_.line_delay_s, &problem()) > 0;
       if (held_clocks_.HoldsOthers()) held_clocks_.LetFollow(&problem());
       const ClockMovement moved = FindClockMovement(problem());
       const bool at_rest = done || moved.s < kTimeToleranceS || moved.px < tolerance_px;
-      const bool settled = flipped == 0 && changed <= max_changed && !rough_centres && at_rest;
+      const bool settled =
+          flipped == 0 && changed <= max_changed && !rough_centres && !held_delays && at_rest;
       done = settled && (exact_ || options_.rough);
       solution_.converged = done && !held_clocks_.HoldsOthers();
       if (solution_.converged || is_last) break;
@@ -112,7 +117,7 @@ class RigSolver {
       labels_at_rest = near_rest && flipped == 0;
       const bool other_held =
           held_clocks_.Choose(problem(), may_hold_others && !done && !is_next_last);
-      if (flipped > 0 || rough_centres || !at_rest || other_held) {
+      if (flipped > 0 || rough_centres || held_delays || !at_rest || other_held) {
         Rebuild();
         rough_centres = false;
       }
@@ -152,6 +157,10 @@ class RigSolver {
   void SetLineDelays(const std::vector<double>& line_delay_s) {
     solution_.line_delay_s = line_delay_s;
     solution_.line_delay_s.resize(rig_.index.cameras.size(), 0);
+    for (size_t c = 0; c < solution_.line_delay_s.size(); ++c) {
+      double& delay_s = solution_.line_delay_s[c];
+      delay_s = std::clamp(delay_s, -longest_line_delay_s_[c], longest_line_delay_s_[c]);
+    }
     for (size_t t = 0; t < rig_.tracks.size(); ++t) SetLineDelayOfTrack(t);
   }
   void SetLineDelayOfTrack(size_t track) {
@@ -194,7 +203,8 @@ class RigSolver {
     }
     for (size_t c = 0; c < options_.estimate_line_delays.size(); ++c) {
       BundleCamera& camera = problem().cameras[c];
-      camera.line_delay_fixed = !options_.estimate_line_delays[c];
+      camera.line_delay_fixed = !options_.estimate_line_delays[c] ||
+                                IsAtLimit(solution_.line_delay_s[c], longest_line_delay_s_[c]);
       camera.prior_line_delay_s = -solution_.line_delay_s[c];
       camera.line_delay_sigma_s = kWeakLineDelaySigmaS;
     }
@@ -384,6 +394,7 @@ class RigSolver {
   RigSolution solution_;
   std::vector<std::vector<uint8_t>> flip_counts_;  // by track and observation
   bool exact_ = false;                             // the next adjustment
+  std::vector<double> longest_line_delay_s_;       // by camera
   HeldClocks held_clocks_;
 };
 

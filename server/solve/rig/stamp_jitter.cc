@@ -10,11 +10,13 @@
 
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/rig/shown_shifts.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr double kMinJitterS = 2e-3;
+constexpr double kOfMostJitter = 0.5;
 constexpr int kFewestPairs = 60;
 constexpr double kMostNoiseS = 3e-3;  // of a row's shift; slower rows tell nothing
 constexpr double kMostShiftS = 0.1;   // more is an outlier
@@ -118,23 +120,41 @@ StampJitter Measure(CameraShifts shifts) {
   const double noise_s2 = UpperMedian(&variances_s2);
   // Of two rows, which scatter independently of each other.
   const double excess_s2 = rest_s * rest_s - kOverNoise * noise_s2;
-  jitter.jitter_s = excess_s2 > 0 ? std::sqrt(0.5 * (rest_s * rest_s - noise_s2)) : 0;
+  jitter.shown_s = excess_s2 > 0 ? std::sqrt(0.5 * (rest_s * rest_s - noise_s2)) : 0;
   jitter.line_s =
       std::abs(slope) * std::sqrt(0.5 * square_xx / static_cast<double>(image_steps.size()));
-  jitter.error_px = jitter.jitter_s * UpperMedian(&speeds);
+  jitter.error_px = jitter.shown_s * UpperMedian(&speeds);
   return jitter;
 }
 
 }  // namespace
 
 bool StampJitter::StandsOut() const {
-  return jitter_s > kMinJitterS && jitter_s > kOverLine * line_s;
+  return shown_s > kMinJitterS && shown_s > kOverLine * line_s;
 }
 
 std::vector<StampJitter> MeasureStampJitter(const BundleProblem& problem) {
   std::vector<StampJitter> all;
   for (CameraShifts& shifts : ShiftsOf(problem)) all.push_back(Measure(std::move(shifts)));
+  if (std::ranges::none_of(all, &StampJitter::StandsOut)) {
+    for (StampJitter& jitter : all) jitter.jitter_s = jitter.shown_s;
+    return all;
+  }
+  std::vector<double> shown_s2;
+  for (const StampJitter& jitter : all) shown_s2.push_back(jitter.shown_s * jitter.shown_s);
+  const std::vector<double> own_s2 = OwnVariances(ShownShares(problem), shown_s2);
+  for (size_t c = 0; c < all.size(); ++c) all[c].jitter_s = std::sqrt(own_s2[c]);
   return all;
+}
+
+std::vector<bool> CamerasThatJitter(const std::vector<StampJitter>& jitter) {
+  double most_s = 0;
+  for (const StampJitter& own : jitter) most_s = std::max(most_s, own.shown_s);
+  std::vector<bool> jitters;
+  for (const StampJitter& own : jitter) {
+    jitters.push_back(own.StandsOut() && own.shown_s >= kOfMostJitter * most_s);
+  }
+  return jitters;
 }
 
 }  // namespace rigcal::server

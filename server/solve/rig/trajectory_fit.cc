@@ -10,6 +10,7 @@
 
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
+#include "server/solve/rig/line_delay_limit.h"
 #include "server/solve/rig/rig_solver.h"
 #include "server/solve/rig/sphere_centres.h"
 
@@ -324,11 +325,13 @@ absl::StatusOr<RigSolution> SolveOnTrajectory(const RigObservations& rig,
   BundleOptions bundle;
   bundle.cancelled = options.cancelled;
   bundle.max_iterations = kMaxPathIterations;
+  const std::vector<double> longest_s = LongestLineDelays(rig);
   for (int round = 0;; ++round) {
     bundle.function_tolerance = round == 0 ? kPathCoarseTolerance : kPathTolerance;
     RIGCAL_ASSIGN_OR_RETURN(fit.summary, AdjustTrajectory(bundle, &fit.problem));
+    const int held = HoldLongLineDelays(longest_s, solution.line_delay_s, &fit.problem.rows);
     if (round + 1 == kMaxPathRounds) break;
-    if (ClassifyOutliersOfPath(bundle, &fit.problem) == 0 && round > 0) break;
+    if (ClassifyOutliersOfPath(bundle, &fit.problem) + held == 0 && round > 0) break;
   }
   RIGCAL_ASSIGN_OR_RETURN(RigSolution placed,
                           PlaceRig(rig, options, InitializationFromPath(solution, fit), solution));

@@ -56,6 +56,18 @@ TEST(DoctorTest, ClockThatJumpedIsNamedAndFollowedAndNothingElse) {
   EXPECT_LT(diagnosis.error_m, 1.5 * clean.error_m);
 }
 
+// A clock seemed to drift, once the move was taken out, and before it.
+TEST(DoctorTest, CameraThatMovedAndIsBackHasNoClockThatDrifts) {
+  for (const Disturbance& disturbance : AllDisturbances()) {
+    if (disturbance.name != "shifted 20 mm and back") continue;
+    const auto patient = SimulatedPatient(1, 6, 40);
+    ASSERT_THAT(patient, IsOk());
+    const Diagnosis diagnosis = Diagnose(disturbance, *patient, 1);
+    EXPECT_TRUE(diagnosis.kinds.contains(FindingKind::kCameraMoved));
+    EXPECT_FALSE(diagnosis.kinds.contains(FindingKind::kClockDrift));
+  }
+}
+
 TEST(DoctorTest, TurnOfATenthOfADegreeIsNamedAndNothingElse) {
   const Diagnosis diagnosis = DiagnoseSimulated("turned 0.10 degrees half-way", kFirstSeed);
   EXPECT_TRUE(diagnosis.named);

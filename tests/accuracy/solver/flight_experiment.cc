@@ -38,13 +38,8 @@ std::vector<TimedPosition> PathOf(const server::RigSolution& solution) {
   return path;
 }
 
-}  // namespace
-
-absl::StatusOr<FlightRun> RunFlight(const std::filesystem::path& data,
-                                    const CalibrationOptions& options) {
-  RIGCAL_ASSIGN_OR_RETURN(server::CalibrationInput input, server::RecordedFlight(data));
-  RIGCAL_ASSIGN_OR_RETURN(const ReferencePath rtk,
-                          LoadReferencePath(data / "flight" / "trajectory_rtk.txt", kRtkHz));
+absl::StatusOr<FlightRun> Fly(server::CalibrationInput input, const ReferencePath& truth,
+                              const CalibrationOptions& options) {
   FlightRun run;
   server::CalibrationHooks hooks;
   hooks.solved = [&run](const server::RigObservations&, const server::RigSolution& solution) {
@@ -55,8 +50,23 @@ absl::StatusOr<FlightRun> RunFlight(const std::filesystem::path& data,
   run.cpu_s = FlightCpuS() - before_s;
   RIGCAL_RETURN_IF_ERROR(outcome.result.status());
   run.result = *std::move(outcome.result);
-  RIGCAL_ASSIGN_OR_RETURN(run.errors, ComparePaths(run.path, rtk));
+  RIGCAL_ASSIGN_OR_RETURN(run.errors, ComparePaths(run.path, truth));
   return run;
+}
+
+}  // namespace
+
+absl::StatusOr<FlightRun> RunFlight(const std::filesystem::path& data,
+                                    const CalibrationOptions& options) {
+  RIGCAL_ASSIGN_OR_RETURN(server::CalibrationInput input, server::RecordedFlight(data));
+  RIGCAL_ASSIGN_OR_RETURN(const ReferencePath rtk,
+                          LoadReferencePath(data / "flight" / "trajectory_rtk.txt", kRtkHz));
+  return Fly(std::move(input), rtk, options);
+}
+
+absl::StatusOr<FlightRun> RunSimulatedFlight(const server::SimulatedFlight& flight,
+                                             const CalibrationOptions& options) {
+  return Fly(flight.input, {flight.path_hz, flight.path_m}, options);
 }
 
 }  // namespace rigcal::accuracy

@@ -8,6 +8,7 @@
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
 #include "tests/accuracy/solver/path_comparison.h"
+#include "tests/server/solve/simulated_flight.h"
 
 namespace rigcal::accuracy {
 
@@ -22,5 +23,8 @@ struct FlightRun {
 // started by hand, and one point. Errors of reading, of Calibrate() and of ComparePaths().
 absl::StatusOr<FlightRun> RunFlight(const std::filesystem::path& data,
                                     const CalibrationOptions& options);
+// Calibrates a simulated one. Errors of Calibrate() and of ComparePaths().
+absl::StatusOr<FlightRun> RunSimulatedFlight(const server::SimulatedFlight& flight,
+                                             const CalibrationOptions& options);
 
 }  // namespace rigcal::accuracy

@@ -17,6 +17,8 @@ namespace {
 
 constexpr uint64_t kShutterPurpose = 0x6c696e65;
 constexpr double kUpwardsShare = 0.3;
+constexpr double kMostOfPeriod = 0.9;
+constexpr double kImageRows = 1024;
 
 SimulationOptions DrawShutters(const LineDelaysOptions& options, uint32_t seed) {
   SimulationOptions simulation;
@@ -30,7 +32,10 @@ SimulationOptions DrawShutters(const LineDelaysOptions& options, uint32_t seed) 
   RandomStream random{seed, kShutterPurpose};
   for (int c = 0; c < options.camera_count; ++c) {
     const double upwards = random.Uniform() < kUpwardsShare ? -1 : 1;
-    simulation.line_delay_s[c] = upwards * random.Uniform(options.shortest_s, options.longest_s);
+    // An image is read within its frame's period.
+    const double most_s = kMostOfPeriod / options.rate_hz / kImageRows;
+    simulation.line_delay_s[c] =
+        upwards * std::min(most_s, random.Uniform(options.shortest_s, options.longest_s));
     simulation.time_offset_s[c] =
         random.Uniform(-options.largest_offset_s, options.largest_offset_s);
   }

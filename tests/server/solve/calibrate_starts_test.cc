@@ -11,6 +11,7 @@
 
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/calibrate.h"
+#include "server/solve/diagnose/readable_time.h"
 #include "tests/server/solve/recorded_input.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/recorded_data.h"
@@ -68,7 +69,10 @@ TEST_P(OneClockOff, IsFoundAndNamed) {
   const Finding* finding = FindKind(*outcome.result, FindingKind::kClockFoundByMotion);
   ASSERT_NE(finding, nullptr);
   EXPECT_EQ(finding->camera, "sim_2");
-  EXPECT_NEAR(finding->value, 1e3 * GetParam(), 5);
+  // To 5 ms, in the unit that people read.
+  const ReadableTime expected = ReadableTimeOf(GetParam());
+  EXPECT_EQ(finding->unit, expected.unit);
+  EXPECT_NEAR(finding->value, expected.value, 5e-3 * expected.value / GetParam());
   EXPECT_EQ(FindKind(*outcome.result, FindingKind::kPeriodicMotion), nullptr);
 }
 

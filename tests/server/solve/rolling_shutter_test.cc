@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "server/solve/calibrate.h"
@@ -37,7 +39,7 @@ const Finding* FindingOf(FindingKind kind, const CalibrationResult& result,
 
 TEST(RollingShutters, AreEstimatedInAllCameras) {
   std::string text = "cameras=5;duration=20;seed=4";
-  const double delays_us[] = {15, 5, -20, 30, 50};
+  const double delays_us[] = {15, 5, -20, 30, 36};
   for (int c = 0; c < 5; ++c) {
     absl::StrAppend(&text, ";line_delay.", c, "=", absl::StrCat(1e-6 * delays_us[c]));
   }
@@ -75,6 +77,40 @@ TEST(RollingShutters, AreNotInventedWhereThereAreNone) {
       EXPECT_EQ(camera.line_delay_s, 0);
       EXPECT_EQ(camera.line_delay_sigma_s, 0);
     }
+  }
+}
+
+// 50 us a row are 51 ms over the image, of frames every 40 ms.
+TEST(RollingShutters, AreReadWithinAFramesPeriod) {
+  const SimulatedWorld world = World("cameras=4;duration=20;seed=4;line_delay.1=5e-5");
+  const CalibrationOutcome outcome = Calibrate(InputOf(world), {});
+  ASSERT_THAT(outcome.result, IsOk());
+  const auto camera =
+      std::ranges::find(outcome.result->cameras, "sim_1", &CalibratedCamera::camera);
+  EXPECT_NEAR(camera->line_delay_s * 1024, 0.04, 1e-6);
+  const Finding* const finding = FindingOf(FindingKind::kRollingShutter, *outcome.result, "sim_1");
+  ASSERT_NE(finding, nullptr);
+  EXPECT_THAT(finding->advice, ::testing::HasSubstr("the longest that is possible"));
+}
+
+// Stamps of arrival in one camera say nothing about the shutters of the others.
+TEST(RollingShutters, AreFoundBesideACameraWhoseStampsJitter) {
+  const SimulatedWorld world =
+      World("cameras=5;duration=20;seed=4;line_delay.0=2e-5;line_delay.1=3e-5;line_delay.3=-2e-5");
+  CalibrationInput input = InputOf(world);
+  std::mt19937 random(3);
+  std::uniform_int_distribution<int64_t> late_ns(0, 20'000'000);
+  for (Observation& row : input.tracks[2].observations) row.time_ns += late_ns(random);
+  const CalibrationOutcome outcome = Calibrate(std::move(input), {});
+  ASSERT_THAT(outcome.result, IsOk());
+  const Finding* const jitter = FindingOf(FindingKind::kStampsJitter, *outcome.result, "sim_2");
+  ASSERT_NE(jitter, nullptr);
+  EXPECT_NEAR(jitter->value, 5.8, 1.5);
+  for (const int c : {0, 1, 3}) {
+    const std::string name = absl::StrCat("sim_", c);
+    const auto camera = std::ranges::find(outcome.result->cameras, name, &CalibratedCamera::camera);
+    const double true_s = world.cameras()[static_cast<size_t>(c)].line_delay_s;
+    EXPECT_NEAR(camera->line_delay_s, true_s, 0.25 * std::abs(true_s)) << name;
   }
 }
 

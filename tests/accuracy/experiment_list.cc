@@ -16,6 +16,7 @@ std::vector<Experiment> AllExperiments() {
           Doctor(),
           Real(),
           Halves(),
+          Large(),
           Sparse(),
           Monitor(),
           Flight(),

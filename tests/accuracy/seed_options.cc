@@ -13,8 +13,8 @@ Experiment SeedExperiment(const std::string& name, const std::string& summary,
             options->Add("--seeds", &seeds->count, 1, 100000, "number of seeds");
             options->Add("--first-seed", &seeds->first, 0, 1 << 30, "lowest seed");
             options->Add("--threads", &seeds->threads, 1, 256, "seeds run at the same time");
-            options->Add("--cameras", &seeds->camera_count, 2, 100,
-                         "cameras of the simulated rig (solver experiments)");
+            options->Add("--cameras", &seeds->camera_count, 2, 500,
+                         "cameras of the simulated rig (solver experiments); of large: most");
             options->Add("--duration", &seeds->duration_s, 1, 3600,
                          "seconds of waving (solver experiments)");
             options->AddFlag("--verbose", &seeds->verbose, "print a line for each seed");

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/bundle/line_bundle_system.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "server/solve/bundle/envelope_cholesky.h"
 
 namespace rigcal::server {
 namespace {
@@ -13,6 +14,8 @@ namespace {
 constexpr size_t kBatchBytes = 512 * 1024;
 // Each part has a reduced matrix of its own. They decide the order of sums, and so the last digits.
 constexpr int kMaxParts = 8;
+// Of all parts' matrices: more take longer to add up than they save.
+constexpr size_t kMaxTileBytes = 96 << 20;
 constexpr int kMinGroupsPerPart = 16;
 
 // Columns of the reduced system in the order of a view's sums; the gradient's is column_count.
@@ -43,9 +46,12 @@ double SumLanes(const double* lanes) {
          ((lanes[4] + lanes[5]) + (lanes[6] + lanes[7]));
 }
 
-// One to kMaxParts, by the number of groups alone.
+// One to kMaxParts, by the number of groups and columns alone.
 std::vector<LineBundlePart> CutIntoParts(const KernelInput& input, const LineBundleLayout& layout) {
-  const int count = std::clamp(input.group_count / kMinGroupsPerPart, 1, kMaxParts);
+  const auto tiles = static_cast<size_t>(input.tile_count());
+  const size_t bytes = tiles * (tiles + 1) / 2 * kTileSize * kTileSize * sizeof(double);
+  const auto most = static_cast<int>(std::clamp<size_t>(kMaxTileBytes / bytes, 1, kMaxParts));
+  const int count = std::clamp(input.group_count / kMinGroupsPerPart, 1, most);
   std::vector<LineBundlePart> parts;
   parts.reserve(static_cast<size_t>(count));
   for (int part = 0; part < count; ++part) {
@@ -165,7 +171,7 @@ LineBundleSystem::LineBundleSystem(const BundleOptions& options, const LineBundl
   }
   parts_ = CutIntoParts(input_, layout);
   factors_ = AlignedBuffer(static_cast<size_t>(input_.group_count * kFactorLanes * kGroupSize));
-  tiles_ = AlignedBuffer(parts_.front().tiles().size());
+  if (parts_.size() > 1) tiles_ = AlignedBuffer(parts_.front().tiles().size());
   view_sums_ = AlignedBuffer(parts_.front().view_sums().size());
 
   const int n = layout.column_count();
@@ -203,11 +209,12 @@ void LineBundleSystem::Assemble(const LineBundleEstimate& estimate) {
   estimate.AddPriors(&matrix_, &gradient_);
   diagonal_ = matrix_.diagonal().cwiseMax(kMinDiagonal).cwiseMin(kMaxDiagonal);
   matrix_.diagonal() += damping_ * diagonal_;
+  const double* const tiles = (parts_.size() > 1 ? tiles_ : parts_.front().tiles()).data();
   for (int column = 0; column < n; ++column) {
     for (int row = column; row < n; ++row) {
-      matrix_(row, column) += TileElement(tiles_.data(), row, column);
+      matrix_(row, column) += TileElement(tiles, row, column);
     }
-    reduced_gradient_[column] = gradient_[column] + TileElement(tiles_.data(), n, column);
+    reduced_gradient_[column] = gradient_[column] + TileElement(tiles, n, column);
   }
   if (n > 0) gradient_max_ = std::max(gradient_max_, gradient_.cwiseAbs().maxCoeff());
 }
@@ -217,14 +224,14 @@ bool LineBundleSystem::Linearise(const LineBundleEstimate& estimate, double damp
   bool valid = true;
   gradient_max_ = 0;
   cost_ = estimate.PriorCost();
-  tiles_.Fill(0);
+  if (parts_.size() > 1) tiles_.Fill(0);
   view_sums_.Fill(0);
   for (LineBundlePart& part : parts_) {
     part.Linearise(kernel_, estimate.View(), damping, curved, factors_.data());
     valid = valid && part.linearisation().valid;
     gradient_max_ = std::max(gradient_max_, part.linearisation().gradient_max);
     cost_ += part.linearisation().cost;
-    AddTo(&tiles_, part.tiles());
+    if (parts_.size() > 1) AddTo(&tiles_, part.tiles());
     AddTo(&view_sums_, part.view_sums());
   }
   Assemble(estimate);
@@ -246,10 +253,9 @@ KernelStepResult LineBundleSystem::SumSteps() const {
 LineBundleSystem::Move LineBundleSystem::Solve(const LineBundleEstimate& estimate,
                                                LineBundleEstimate* moved) {
   Move move;
-  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>, Eigen::Lower> cholesky(matrix_);
-  if (cholesky.info() != Eigen::Success) return move;
-  step_ = -reduced_gradient_;
-  cholesky.solveInPlace(step_);
+  const EnvelopeCholesky cholesky(matrix_);
+  if (!cholesky.ok()) return move;
+  step_ = cholesky.Solve(-reduced_gradient_);
   if (!step_.allFinite()) return move;
   moved->MoveReduced(estimate, step_);
   for (LineBundlePart& part : parts_) {

@@ -71,7 +71,7 @@ class LineBundleSystem {
     double norm = 0;
   };
   // The step from the last linearisation and the cost there, into `moved`. Not valid: the matrix is
-  // not positive definite, the step not finite, or a marker no longer in sight. Destroys matrix().
+  // not positive definite, the step not finite, or a marker no longer in sight.
   Move Solve(const LineBundleEstimate& estimate, LineBundleEstimate* moved);
   // Infinite where a used marker cannot be seen.
   double Cost(const LineBundleEstimate& estimate);

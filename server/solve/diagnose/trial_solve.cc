@@ -10,6 +10,7 @@
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
+#include "server/solve/bundle/envelope_cholesky.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/rig/outliers.h"
 
@@ -221,16 +222,15 @@ absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const Bundle
                                           std::optional<std::pair<int, int>> one_lens) {
   RIGCAL_ASSIGN_OR_RETURN(ReducedInformation reduced, ComputeInformation(how, problem));
   if (one_lens) ShareLens(one_lens->first, one_lens->second, &reduced);
-  const Eigen::Index size = reduced.information.rows();
   // Columns differ by many powers of ten (radians beside pixels): scaled before they are inverted.
   const Eigen::VectorXd scale =
       reduced.information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd scaled = scale.asDiagonal() * reduced.information * scale.asDiagonal();
-  const Eigen::LDLT<Eigen::MatrixXd> factor(scaled);
-  if (factor.info() != Eigen::Success || !factor.isPositive()) {
+  const EnvelopeCholesky factor(scaled);
+  if (!factor.ok()) {
     return absl::FailedPreconditionError("the information is not positive definite");
   }
-  const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(size, size));
+  const Eigen::MatrixXd covariance = factor.Inverse();
   TrialSigmas result;
   result.parameters = reduced.parameters;
   result.covariance =

@@ -60,22 +60,18 @@ BundleProblem Slice(const BundleProblem& problem, size_t first, size_t last) {
   return slice;
 }
 
-// For the columns of `parameters`; none where the block says nothing.
+// Rows are those of `parameters`; none where the block says nothing.
 std::optional<BlockInformation> Inform(const BundleOptions& options, const BundleProblem& slice,
                                        const std::vector<ReducedParameter>& parameters) {
   if (slice.instants.empty()) return std::nullopt;
   const auto own = ComputeInformation(options, slice);
   if (!own.ok() || own->gradient.size() != own->information.rows()) return std::nullopt;
-  std::vector<Eigen::Index> rows;
+  BlockInformation block{{}, own->information, -own->gradient};
   for (const ReducedParameter& parameter : own->parameters) {
     const auto found = std::find(parameters.begin(), parameters.end(), parameter);
     if (found == parameters.end()) return std::nullopt;
-    rows.push_back(found - parameters.begin());
+    block.rows.push_back(found - parameters.begin());
   }
-  const auto size = static_cast<Eigen::Index>(parameters.size());
-  BlockInformation block{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
-  block.information(rows, rows) = own->information;
-  block.score(rows) = -own->gradient;
   return block;
 }
 
@@ -145,18 +141,19 @@ BlockScatterSum::BlockScatterSum(const Eigen::MatrixXd& covariance, const LossFa
 
 void BlockScatterSum::Add(const BlockInformation& block) {
   if (lower_.size() == 0) return;
-  const auto lower = lower_.triangularView<Eigen::Lower>();
-  const auto upper = lower_.transpose().triangularView<Eigen::Upper>();
-  const Eigen::MatrixXd information = units_.asDiagonal() * block.information * units_.asDiagonal();
-  const Eigen::VectorXd score =
-      upper * units_.cwiseProduct(block.score) / (loss_.slope * std::sqrt(loss_.variance));
+  // In a large rig a block is seen by few of the cameras.
+  const Eigen::MatrixXd lower = lower_(block.rows, Eigen::all);
+  const Eigen::VectorXd units = units_(block.rows);
+  const Eigen::MatrixXd information = units.asDiagonal() * block.information * units.asDiagonal();
+  const Eigen::VectorXd score = lower.transpose() * units.cwiseProduct(block.score) /
+                                (loss_.slope * std::sqrt(loss_.variance));
   const auto product = [&](const Eigen::VectorXd& v) -> Eigen::VectorXd {
-    return upper * (information * (lower * v).eval()).eval();
+    return lower.transpose() * (information * (lower * v).eval()).eval();
   };
   scores_.push_back(InverseRootTimes(product, score));
   squares_ += scores_.back().squaredNorm();
   // trace(L^T H L) = trace(H L L^T)
-  share_ += information.cwiseProduct(whole_).sum();
+  share_ += information.cwiseProduct(whole_(block.rows, block.rows)).sum();
 }
 
 BlockScatter BlockScatterSum::Finish() const {

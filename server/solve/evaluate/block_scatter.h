@@ -33,8 +33,9 @@ struct BlockScatter {
 // each, and the number of instants at the end.
 std::vector<size_t> CutIntoBlocks(const BuiltProblem& built);
 
-// A block's information about the parameters, and its score.
+// A block's information about parameters, and its score.
 struct BlockInformation {
+  std::vector<Eigen::Index> rows;  // which parameters: those that it says nothing of are left out
   Eigen::MatrixXd information;
   Eigen::VectorXd score;
 };

@@ -19,10 +19,10 @@ ParameterKnowledge::ParameterKnowledge(const ReducedInformation& information)
   scale_ = information.information.diagonal().cwiseMax(0).cwiseSqrt();
   for (Eigen::Index i = 0; i < scale_.size(); ++i) scale_[i] = scale_[i] > 0 ? 1 / scale_[i] : 0;
   scaled_ = scale_.asDiagonal() * information.information * scale_.asDiagonal();
-  factor_.compute(scaled_);
-  if (factor_.info() == Eigen::Success && scale_.minCoeff() > 0) return;
-  is_regular_ = false;
-  if (scaled_.rows() <= kMaxEigenSize) eigen_.compute(scaled_);
+  factor_.emplace(scaled_);
+  if (factor_->ok() && scale_.minCoeff() > 0) return;
+  factor_.reset();
+  if (scaled_.rows() <= kMaxEigenSize) eigen_.emplace(scaled_);
 }
 
 Eigen::Index ParameterKnowledge::Row(const ReducedParameter& parameter) const {
@@ -32,12 +32,12 @@ Eigen::Index ParameterKnowledge::Row(const ReducedParameter& parameter) const {
 
 double ParameterKnowledge::Variance(const Eigen::VectorXd& gain) const {
   const Eigen::VectorXd a = scale_.cwiseProduct(gain);
-  if (is_regular_) return std::max(0.0, a.dot(factor_.solve(a)));
-  if (eigen_.eigenvalues().size() == 0) return kUndetermined;
-  const Eigen::VectorXd parts = eigen_.eigenvectors().transpose() * a;
+  if (factor_) return std::max(0.0, a.dot(factor_->Solve(a)));
+  if (!eigen_) return kUndetermined;
+  const Eigen::VectorXd parts = eigen_->eigenvectors().transpose() * a;
   double variance = 0, lost = 0;
   for (Eigen::Index i = 0; i < parts.size(); ++i) {
-    const double part = parts[i] * parts[i], value = eigen_.eigenvalues()[i];
+    const double part = parts[i] * parts[i], value = eigen_->eigenvalues()[i];
     if (value > kNullEigenvalue) {
       variance += part / value;
     } else {

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
 #include <limits>
+#include <optional>
 #include <vector>
 
+#include "server/solve/bundle/envelope_cholesky.h"
 #include "server/solve/bundle/line_bundle.h"
 
 namespace rigcal::server {
@@ -30,9 +31,9 @@ class ParameterKnowledge {
   std::vector<ReducedParameter> parameters_;
   Eigen::VectorXd scale_;
   Eigen::MatrixXd scaled_;
-  Eigen::LLT<Eigen::MatrixXd> factor_;
-  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen_;  // where there is no factor
-  bool is_regular_ = true;
+  std::optional<EnvelopeCholesky> factor_;
+  // Where there is no factor, and the size allows it.
+  std::optional<Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>> eigen_;
 };
 
 }  // namespace rigcal::server

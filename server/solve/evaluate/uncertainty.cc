@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/evaluate/uncertainty.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
+#include "server/solve/bundle/envelope_cholesky.h"
 #include "server/solve/evaluate/attached_point.h"
 #include "server/solve/evaluate/block_scatter.h"
 #include "server/solve/evaluate/held_uncertainty.h"
@@ -32,12 +33,11 @@ absl::StatusOr<Eigen::MatrixXd> Inverse(const Eigen::MatrixXd& information) {
   }
   const Eigen::VectorXd scale = diagonal.cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
-  if (factor.info() != Eigen::Success) {
+  const EnvelopeCholesky factor(scaled);
+  if (!factor.ok()) {
     return absl::InternalError("uncertainty: the parameters are not determined by the data");
   }
-  const Eigen::MatrixXd inverse =
-      factor.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
+  const Eigen::MatrixXd inverse = factor.Inverse();
   if (!inverse.allFinite()) return absl::InternalError("uncertainty: not finite");
   return Eigen::MatrixXd(scale.asDiagonal() * inverse * scale.asDiagonal());
 }
@@ -49,8 +49,16 @@ void AllowForCommonErrors(const BlockScatter& scatter, const Eigen::MatrixXd& pr
   rig->noise_covariance = rig->covariance;
   if (scatter.block_count() == 0 || !(scatter.design_effect > 1)) return;
   const double kept = 1 / std::sqrt(scatter.design_effect);
-  const Eigen::MatrixXd by_blocks =
-      scatter.changes * scatter.changes.transpose() + rig->covariance * prior * rig->covariance;
+  // Most parameters have no prior.
+  std::vector<Eigen::Index> rows;
+  for (Eigen::Index i = 0; i < prior.rows(); ++i) {
+    if ((prior.col(i).array() != 0).any()) rows.push_back(i);
+  }
+  Eigen::MatrixXd by_blocks = scatter.changes * scatter.changes.transpose();
+  if (!rows.empty()) {
+    by_blocks.noalias() += rig->covariance(Eigen::all, rows) *
+                           (prior(rows, rows) * rig->covariance(rows, Eigen::all)).eval();
+  }
   rig->covariance = kept * rig->covariance + (1 - kept) * by_blocks;
 }
 
@@ -151,6 +159,8 @@ absl::Status DescribeByPath(const TrajectoryFit& fit, RigUncertainty* result) {
     sum.Add(residual.squaredNorm(), 1, leverage);
     BlockInformation& block = blocks[fit.row_time_ns[row] / kPathBlockNs];
     if (block.score.size() == 0) {
+      block.rows.resize(static_cast<size_t>(slope.cols()));
+      std::iota(block.rows.begin(), block.rows.end(), Eigen::Index{0});
       block.information = Eigen::MatrixXd::Zero(slope.cols(), slope.cols());
       block.score = Eigen::VectorXd::Zero(slope.cols());
     }

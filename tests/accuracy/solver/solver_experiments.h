@@ -12,6 +12,7 @@ Experiment Crb();
 Experiment Doctor();
 Experiment Flight();
 Experiment Halves();
+Experiment Large();
 Experiment LineDelays();
 Experiment Monitor();
 Experiment Origin();

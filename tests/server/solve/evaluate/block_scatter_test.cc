@@ -4,8 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <random>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_solver.h"
@@ -36,6 +39,40 @@ TEST(BlockScatter, BlocksAreCutByTimeAndAtPauses) {
   std::vector<double> minute_s;
   for (int i = 0; i < 600; ++i) minute_s.push_back(0.1 * i);
   EXPECT_EQ(CutIntoBlocks(Instants(minute_s)).size(), 31u);
+}
+
+// Blocks of a large rig, of which each tells of few parameters: what is left out is as good as
+// zeros.
+TEST(BlockScatter, BlocksOfSomeParametersScatterAsWithZerosForTheOthers) {
+  constexpr Eigen::Index kSize = 12, kOwn = 4;
+  std::mt19937 bits(5);
+  std::normal_distribution<double> normal;
+  const auto draw = [&](Eigen::Index rows, Eigen::Index columns) -> Eigen::MatrixXd {
+    return Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return normal(bits); });
+  };
+  std::vector<BlockInformation> parts, wholes;
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(kSize, kSize);
+  for (Eigen::Index b = 0; b < 9; ++b) {
+    const Eigen::MatrixXd slopes = draw(9, kOwn);
+    BlockInformation part{{}, slopes.transpose() * slopes, 3 * draw(kOwn, 1).col(0)};
+    BlockInformation whole{{}, Eigen::MatrixXd::Zero(kSize, kSize), Eigen::VectorXd::Zero(kSize)};
+    for (Eigen::Index i = 0; i < kOwn; ++i) part.rows.push_back((b + 3 * i) % kSize);
+    for (Eigen::Index i = 0; i < kSize; ++i) whole.rows.push_back(i);
+    whole.information(part.rows, part.rows) = part.information;
+    whole.score(part.rows) = part.score;
+    information += whole.information;
+    parts.push_back(std::move(part));
+    wholes.push_back(std::move(whole));
+  }
+  const Eigen::MatrixXd covariance = information.inverse();
+  BlockScatterSum of_parts(covariance, {1.1, 0.9}), of_wholes(covariance, {1.1, 0.9});
+  for (const BlockInformation& part : parts) of_parts.Add(part);
+  for (const BlockInformation& whole : wholes) of_wholes.Add(whole);
+  const BlockScatter by_parts = of_parts.Finish(), by_wholes = of_wholes.Finish();
+  ASSERT_EQ(by_parts.block_count(), 9);
+  ASSERT_GT(by_wholes.changes.norm(), 0.1);
+  EXPECT_LT((by_parts.changes - by_wholes.changes).norm(), 1e-12 * by_wholes.changes.norm());
+  EXPECT_NEAR(by_parts.design_effect, by_wholes.design_effect, 1e-12 * by_wholes.design_effect);
 }
 
 // Each camera's centres are off by the same amount for half a second, then by another.

@@ -22,6 +22,7 @@ find_package(LibArchive REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED COMPONENTS core) # text format only
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(SQLITE3 REQUIRED IMPORTED_TARGET sqlite3)
+pkg_check_modules(LIBPQ REQUIRED IMPORTED_TARGET libpq)
 pkg_check_modules(LIBXML2 REQUIRED IMPORTED_TARGET libxml-2.0)
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)
 pkg_check_modules(HDF5 REQUIRED IMPORTED_TARGET hdf5)

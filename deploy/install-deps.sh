@@ -42,7 +42,7 @@ packages=(
   # network namespaces of the demos, and their faults
   iproute2 iptables
   # store, configuration, command line, logging
-  libsqlitecpp-dev libsqlite3-dev zlib1g-dev libarchive-dev libssl-dev libboost-dev prometheus-cpp-dev
+  libsqlitecpp-dev libsqlite3-dev libpq-dev zlib1g-dev libarchive-dev libssl-dev libboost-dev prometheus-cpp-dev
   libtomlplusplus-dev libyaml-cpp-dev libxml2-dev libcli11-dev nlohmann-json3-dev
   libspdlog-dev
   # firmware of the wand, and what runs it in tests
@@ -52,7 +52,7 @@ packages=(
   # the documentation as a site
   mkdocs
   # tests
-  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime python3-opencv python3-matplotlib python3-yaml
+  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev postgresql faketime python3-opencv python3-matplotlib python3-yaml
 )
 
 # The dashboard and its tests, unless these programs are here from elsewhere.

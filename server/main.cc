@@ -49,6 +49,7 @@
 #include "server/session/agent_registry.h"
 #include "server/session/monitor_settings.h"
 #include "server/store/factory/open_store.h"
+#include "server/store/sqlite/data_directory.h"
 
 namespace rigcal::server {
 namespace {
@@ -62,6 +63,8 @@ struct Flags {
   // These override the file.
   std::string listen;
   std::string data_dir;
+  std::string store;
+  bool store_unsafe = false;
   std::string docs_dir;
   std::string log_level;
   std::string log_format;
@@ -76,6 +79,8 @@ absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
   if (!flags.log_level.empty()) config.log_level = flags.log_level;
   if (!flags.log_format.empty()) config.log_format = flags.log_format;
   if (!flags.data_dir.empty()) config.data_dir = flags.data_dir;
+  if (!flags.store.empty()) config.store = flags.store;
+  if (flags.store_unsafe) config.store_unsafe = true;
   if (!flags.docs_dir.empty()) config.docs_dir = flags.docs_dir;
   if (config.data_dir.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(config.data_dir, DefaultDataDirectory());
@@ -239,6 +244,24 @@ std::string AddressForCommands(const ServerConfig& config, int port) {
   return LocalAddress(config.listen, port);
 }
 
+// The folder of what is beside a database elsewhere: keys, who owns which camera, the audit log. In
+// the other case the store opens it.
+absl::StatusOr<std::unique_ptr<DataDirectory>> OpenFolderBeside(const ServerConfig& config) {
+  if (config.store.empty()) return nullptr;
+  if (!IsDatabaseAddress(config.store)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--store ", config.store,
+        " is no address of a database: write postgresql://USER@HOST/DATABASE, or name the folder "
+        "of an embedded database with --data-dir"));
+  }
+  if (config.retention.max_size_mb > 0) {
+    return absl::InvalidArgumentError(
+        "retention.max_size_mb does not work with a database elsewhere, which does not tell how "
+        "much of it is unused; use retention.max_age_days");
+  }
+  return DataDirectory::Open(config.data_dir);
+}
+
 absl::Status Serve(const ServerConfig& config, const Flags& flags) {
   const sigset_t signals = BlockSignals(!flags.config_file.empty());
   const std::string& port_file = flags.port_file;
@@ -248,9 +271,15 @@ absl::Status Serve(const ServerConfig& config, const Flags& flags) {
   if (!http_port_file.empty()) std::remove(http_port_file.c_str());
   const ServerLimits& limits = config.limits;
   RIGCAL_ASSIGN_OR_RETURN(const auto worker, FindWorker());
+  RIGCAL_ASSIGN_OR_RETURN(const auto folder, OpenFolderBeside(config));
+  const std::string& location = config.store.empty() ? config.data_dir : config.store;
   RIGCAL_ASSIGN_OR_RETURN(
       const auto store,
-      OpenStore(config.data_dir, {.min_free_bytes = uint64_t{limits.disk_reserve_mb} << 20}));
+      OpenStore(location, {.min_free_bytes = uint64_t{limits.disk_reserve_mb} << 20,
+                           .unsafe = config.store_unsafe}));
+  if (!config.store.empty()) {
+    spdlog::info("sessions and calibrations are in {}", PrintableLocation(location));
+  }
   RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path identity, PrepareIdentity(config));
   const std::filesystem::path data_dir = config.data_dir;
   RIGCAL_ASSIGN_OR_RETURN(const auto registry,
@@ -433,6 +462,13 @@ int Run(int argc, char** argv) {
                  "Folder of the database (default $XDG_DATA_HOME/rigcal or ~/.local/share/rigcal)")
       ->type_name("DIR");
   app.add_option(
+         "--store", flags.store,
+         "Database elsewhere, instead of the one in the data folder; the password comes from "
+         "~/.pgpass or PGPASSWORD")
+      ->type_name("postgresql://USER@HOST/DATABASE");
+  app.add_flag("--store-unsafe", flags.store_unsafe,
+               "Also take a PostgreSQL server that can lose data when its power fails (fsync off)");
+  app.add_option(
          "--docs-dir", flags.docs_dir,
          "Folder of the documentation, shown at /docs/ beside the dashboard (default: where "
          "the package rigcal-doc has it)")
@@ -472,7 +508,7 @@ int Run(int argc, char** argv) {
     status = config.status();
   } else {
     status = SetLogLevel(config->log_level);
-    if (status.ok() && care.chosen()) return care.Run(config->data_dir);
+    if (status.ok() && care.chosen()) return care.Run(config->data_dir, config->store);
     if (status.ok()) status = SetLogFormat(config->log_format);
     if (status.ok()) status = Serve(*config, flags);
   }

@@ -56,6 +56,9 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   OptionTable options, https, tls, discovery, limits, retention;
   AddAddress("listen", &config.listen, 0, "where the server listens", &options);
   options.AddPath("data_dir", &config.data_dir, "of the store");
+  options.Add("store", &config.store, "postgresql://USER@HOST/DATABASE",
+              "the database, where it is not in data_dir");
+  options.Add("store_unsafe", &config.store_unsafe, "take a PostgreSQL server with fsync off");
   options.AddPath("docs_dir", &config.docs_dir, "of the documentation, for /docs/");
   AddLogLevel(&config.log_level, &options);
   AddLogFormat(&config.log_format, &options);

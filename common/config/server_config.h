@@ -72,9 +72,12 @@ struct RetentionConfig {
 struct ServerConfig {
   std::string listen = "127.0.0.1:7420";  // HOST:PORT; port 0: any free one
   std::string data_dir;                   // empty: DefaultDataDirectory()
-  std::string docs_dir;                   // of the documentation; empty: where rigcal-doc has it
-  std::string log_level = "info";         // trace, debug, info, warn, error, off
-  std::string log_format = "auto";        // auto, text, json, journal
+  // Of the database, where that is not in data_dir: postgresql://USER@HOST/DATABASE. Empty: it is.
+  std::string store;
+  bool store_unsafe = false;        // take a PostgreSQL server with fsync off
+  std::string docs_dir;             // of the documentation; empty: where rigcal-doc has it
+  std::string log_level = "info";   // trace, debug, info, warn, error, off
+  std::string log_format = "auto";  // auto, text, json, journal
   ServerHttpsConfig https;
   ServerTlsConfig tls;
   ServerDiscoveryConfig discovery;

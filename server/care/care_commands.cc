@@ -17,6 +17,8 @@
 #include "server/identity/restored_identity.h"
 #include "server/identity/server_identity.h"
 #include "server/rpc/compact_client.h"
+#include "server/store/factory/open_store.h"
+#include "server/store/postgresql/postgres_store.h"
 #include "server/store/sqlite/database_backup.h"
 #include "server/store/sqlite/database_check.h"
 #include "server/store/sqlite/sqlite_store.h"
@@ -64,6 +66,19 @@ void PrintFaults(const DatabaseReport& report) {
 std::string FaultsText(const DatabaseReport& report) {
   return absl::StrCat(report.fault_count, report.fault_count == 1 ? " fault" : " faults", ", ",
                       report.damaged_row_count, " observations lost");
+}
+
+// The exit code of a check.
+int PrintCheck(const std::string& place, const char* how_to_restore, const DatabaseReport& report) {
+  std::printf("%s: %s\n", place.c_str(), CountsText(report).c_str());
+  if (report.fault_count == 0) {
+    std::printf("no faults\n");
+    return 0;
+  }
+  PrintFaults(report);
+  std::printf("%s; everything else can be used. %s if you need what is lost\n",
+              FaultsText(report).c_str(), how_to_restore);
+  return 1;
 }
 
 // Without a server the database is opened here. A running server has the only connection that may
@@ -160,34 +175,83 @@ CareCommands::CareCommands(CLI::App* app) {
       ->add_option("--server", server_,
                    "Address of the running server (default: as noted in the data folder)")
       ->type_name("HOST:PORT");
+  CLI::App* const store = app->add_subcommand("store", "Move the database");
+  store->require_subcommand(1);
+  copy_ = store->add_subcommand(
+      "copy",
+      "Copy sessions, observations and calibrations from one database into an empty one; stop the "
+      "server first");
+  copy_->add_option("from", from_, "Data folder, or postgresql://USER@HOST/DATABASE")
+      ->required()
+      ->type_name("FROM");
+  copy_->add_option("to", to_, "The same")->required()->type_name("TO");
 }
 
 bool CareCommands::chosen() const {
-  return check_->parsed() || backup_->parsed() || restore_->parsed() || compact_->parsed();
+  return check_->parsed() || backup_->parsed() || restore_->parsed() || compact_->parsed() ||
+         copy_->parsed();
 }
 
-int CareCommands::Run(const std::string& data_directory) const {
+int CareCommands::Run(const std::string& data_directory, const std::string& store) const {
+  if (copy_->parsed()) return Copy();
+  if (!store.empty()) return RunElsewhere(store);
   if (check_->parsed()) return Check(data_directory);
   if (backup_->parsed()) return BackUp(data_directory);
   if (restore_->parsed()) return Restore(data_directory);
   return Compact(data_directory);
 }
 
+int CareCommands::RunElsewhere(const std::string& store) const {
+  if (!IsDatabaseAddress(store)) {
+    return Fail(absl::InvalidArgumentError(
+        "--store is no address of a database: write postgresql://USER@HOST/DATABASE"));
+  }
+  if (check_->parsed()) return CheckElsewhere(store);
+  const std::string place = PrintableLocation(store);
+  std::string instead;
+  if (backup_->parsed()) {
+    instead = absl::StrCat("`pg_dump --format=custom --file=FILE ", place,
+                           "` copies it while the server runs (or pgbackrest, continuously); the "
+                           "server's keys are in its data folder, in `identity`: copy that too");
+  } else if (restore_->parsed()) {
+    instead = absl::StrCat(
+        "stop the server, and use `pg_restore --clean --if-exists --dbname=", place, " FILE`");
+  } else {
+    instead = absl::StrCat(
+        "PostgreSQL uses the space of what was deleted again by itself; to give it back to the "
+        "disk, stop the server and use `vacuumdb --full --dbname=",
+        place, "`");
+  }
+  return Fail(absl::FailedPreconditionError(absl::StrCat(
+      "the data is in a database of PostgreSQL, which has its own programs for this: ", instead)));
+}
+
+int CareCommands::CheckElsewhere(const std::string& store) const {
+  const auto report = CheckPostgresDatabase(store, ProgressOf("check"));
+  if (!report.ok()) return Fail(report.status());
+  return PrintCheck(PrintableLocation(store), "Restore a backup with pg_restore", *report);
+}
+
+int CareCommands::Copy() const {
+  const auto copied = CopyStore(from_, to_);
+  if (!copied.ok()) return Fail(copied.status());
+  for (const CopiedTable& table : *copied) {
+    if (table.rows == 0) continue;
+    std::printf("%-20s %10s rows, CRC-32 %08x on both sides\n", table.name.c_str(),
+                absl::StrCat(table.rows).c_str(), table.digest);
+  }
+  std::printf(
+      "copied from %s to %s. Keys, owners of cameras and the audit log are in the server's data "
+      "folder and stay there\n",
+      PrintableLocation(from_).c_str(), PrintableLocation(to_).c_str());
+  return 0;
+}
+
 int CareCommands::Check(const std::string& data_directory) const {
   const fs::path file = fs::path(data_directory) / "rigcal.db";
   const auto report = CheckDatabase(file, ProgressOf("check"));
   if (!report.ok()) return Fail(report.status());
-  std::printf("%s: %s\n", file.c_str(), CountsText(*report).c_str());
-  if (report->fault_count == 0) {
-    std::printf("no faults\n");
-    return 0;
-  }
-  PrintFaults(*report);
-  std::printf(
-      "%s; everything else can be used. Restore a backup with `rigcal-server restore` if "
-      "you need what is lost\n",
-      FaultsText(*report).c_str());
-  return 1;
+  return PrintCheck(file.string(), "Restore a backup with `rigcal-server restore`", *report);
 }
 
 int CareCommands::BackUp(const std::string& data_directory) const {

@@ -78,6 +78,12 @@ absl::StatusOr<std::vector<PrunedSession>> PruneSessions(const PruneOptions& opt
         "nothing says which sessions to prune; give an age (older_than), a size (max_bytes) or "
         "both");
   }
+  const bool counts_unused = store->Health().counts_unused;
+  if (options.max_bytes > 0 && !counts_unused) {
+    return absl::FailedPreconditionError(
+        "sessions are not pruned by size: this server's database is elsewhere, and does not tell "
+        "how much of it is unused; prune by age (older_than, retention.max_age_days)");
+  }
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<SessionSummary> sessions,
                           FinishedSessions(*store, options.rig));
   const int64_t now_ns = UtcNowNs(options.utc_now_ns);
@@ -113,7 +119,7 @@ absl::StatusOr<std::vector<PrunedSession>> PruneSessions(const PruneOptions& opt
     }
     pruned.push_back(std::move(entry));
   }
-  if (deleted) {
+  if (deleted && counts_unused) {
     RIGCAL_RETURN_IF_ERROR(store->Compact([](double) { return absl::OkStatus(); }));
   }
   return pruned;

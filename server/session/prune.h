@@ -31,7 +31,8 @@ struct PrunedSession {
 
 // Deletes the observations of finished sessions that are due, oldest first, and gives the space
 // back to the disk. With `dry_run` the size of a session is taken as its share of all observations.
-// INVALID_ARGUMENT: no limit is given. Errors of the store.
+// INVALID_ARGUMENT: no limit is given. FAILED_PRECONDITION: a size, for a store that does not count
+// its unused space. Errors of the store.
 absl::StatusOr<std::vector<PrunedSession>> PruneSessions(const PruneOptions& options, Store* store,
                                                          SessionCoordinator* coordinator);
 

@@ -22,11 +22,14 @@
 namespace rigcal::server {
 
 struct StoreHealth {
-  std::string kind;  // "sqlite"
+  std::string kind;  // "sqlite", "postgresql"
   uint32_t schema_version = 0;
   uint64_t size_bytes = 0;
-  uint64_t unused_bytes = 0;      // part of it that holds nothing; Compact gives it back
-  uint64_t free_bytes = 0;        // on its disk
+  uint64_t unused_bytes = 0;  // part of it that holds nothing; Compact gives it back
+  // What is deleted becomes unused_bytes at once, and Compact works. False: the database does both
+  // by itself, at some time.
+  bool counts_unused = true;
+  uint64_t free_bytes = 0;        // on its disk; 0, with no reserve: not known
   uint64_t reserve_bytes = 0;     // free space at which observations are refused
   std::string problem = {};       // why nothing can be written any more; empty: healthy
   std::string read_problem = {};  // why something could not be read; what is written is safe
@@ -130,7 +133,8 @@ class Store {
 
   // --- Care ---
   // Gives unused space back to the disk, in small steps between which others write. `progress` gets
-  // the part that is done, 0 to 1; what it returns, unless OK, ends the work.
+  // the part that is done, 0 to 1; what it returns, unless OK, ends the work. UNIMPLEMENTED: where
+  // StoreHealth::counts_unused is false; the message says what to do instead.
   virtual absl::Status Compact(const std::function<absl::Status(double)>& progress) = 0;
 };
 

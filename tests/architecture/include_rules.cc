@@ -49,12 +49,13 @@ const std::vector<Layer>& Layers() {
       {"server: who asks, what is stored, rows by time, bundle adjustment",
        {"server/access", "server/associate", "server/audit", "server/identity", "server/store",
         "server/solve/bundle"}},
-      {"server: ports, ingest, database",
+      {"server: ports, ingest, tables",
        {"server/api", "server/ingest", "server/listen", "server/solve/geometry",
-        "server/solve/trajectory", "server/store/sqlite"}},
-      {"server: pages, a start for the solve",
-       {"server/http", "server/solve/initialize", "server/store/factory"}},
-      {"server: a rig", {"server/solve/rig"}},
+        "server/solve/trajectory", "server/store/sql"}},
+      {"server: pages, a start for the solve, databases",
+       {"server/http", "server/solve/initialize", "server/store/postgresql",
+        "server/store/sqlite"}},
+      {"server: a rig, a store by its place", {"server/solve/rig", "server/store/factory"}},
       {"server: its clocks", {"server/solve/clocks"}},
       {"server: how good it is", {"server/solve/evaluate"}},
       {"server: what is wrong", {"server/solve/diagnose", "server/solve/running"}},
@@ -120,8 +121,8 @@ std::optional<size_t> LayerNumber(const std::string& folder) {
 // Who turns messages into what the rest of the tree knows.
 const std::vector<std::string>& SeesMessages() {
   static const auto* const kFolders = new std::vector<std::string>{
-      "agent/uplink", "client",     "common/export",       "common/wire",
-      "server/jobs",  "server/rpc", "server/store/sqlite", "server/worker"};
+      "agent/uplink", "client",     "common/export",    "common/wire",
+      "server/jobs",  "server/rpc", "server/store/sql", "server/worker"};
   return *kFolders;
 }
 
@@ -145,7 +146,8 @@ const std::vector<LibraryRule>& LibraryRules() {
       {"YAML", {"yaml-cpp", "opencv2/core/persistence"}, {"common/camera", "common/import"}},
       {"libxml2", {"libxml/"}, {"common/import"}},
       {"libarchive", {"archive"}, {"common/export"}},
-      {"SQL", {"SQLiteCpp", "sqlite3", "soci"}, {"server/store/sqlite"}},
+      {"SQLite", {"SQLiteCpp", "sqlite3"}, {"server/store/sqlite"}},
+      {"libpq", {"libpq", "postgres"}, {"server/store/postgresql"}},
       {"Ceres", {"ceres/", "glog/"}, {"server/solve"}},
       {"OpenCV",
        {"opencv2/"},

@@ -4,9 +4,11 @@
 // same agents and message size; p50 and p99 of the time from writing a message to its
 // acknowledgement (at full load this is mostly the window of unacknowledged rows; the paced rows
 // show the response of an unloaded server); CPU of the server process per observation. The TLS rows
-// are the same with mutual TLS; of_plain is their ratio to the plain rows. DrainDiskSpool: a
-// whole agent of six cameras delivers what its disk spool holds, 16 rows a message; of_memory is
-// the ratio to the same from a spool in memory, of_live to six cameras of 500 observations/s.
+// are the same with mutual TLS; those of PostgreSQL have its server on the same PC and disk,
+// reached over a Unix socket, with its settings as they come (fsync and synchronous_commit on);
+// of_plain is their ratio to the plain rows. DrainDiskSpool: a whole agent of six cameras delivers
+// what its disk spool holds, 16 rows a message; of_memory is the ratio to the same from a spool in
+// memory, of_live to six cameras of 500 observations/s.
 #include <benchmark/benchmark.h>
 #include <fcntl.h>
 #include <signal.h>
@@ -36,6 +38,7 @@
 #include "common/wire/camera_wire.h"
 #include "tests/bench/bench_agent.h"
 #include "tests/bench/suites.h"
+#include "tests/testing/postgres_cluster.h"
 #include "tests/testing/process.h"
 #include "tests/testing/process_figures.h"
 #include "tests/testing/server_client.h"
@@ -160,13 +163,26 @@ absl::Status CreateBenchSession(ServerClient& client) {
   return client.CreateSession(request).status();
 }
 
-void RunIngest(benchmark::State& state, double rows_per_s, bool tls = false) {
+struct IngestOptions {
+  double rows_per_s = 0;  // of each agent; 0: as fast as it is taken
+  bool tls = false;
+  bool postgresql = false;
+};
+
+void RunIngest(benchmark::State& state, const IngestOptions& options) {
+  const auto [rows_per_s, tls, postgresql] = options;
   std::vector<Measured> runs;
   for (auto _ : state) {
     const TemporaryDirectory directory;
     const testing::TestCa ca;
     if (tls) ca.WriteServerFolder(directory.path() / "identity", ca.MakeServer());
-    ServerProcess server(directory.path());
+    std::unique_ptr<testing::PostgresCluster> cluster;
+    std::vector<std::string> store;
+    if (postgresql) {
+      cluster = std::make_unique<testing::PostgresCluster>(testing::PostgresCluster::Options{});
+      store = {"--store", cluster->Url(cluster->CreateDatabase())};
+    }
+    ServerProcess server(directory.path(), 0, {}, store);
     ServerClient client(server.address());
     LoadOptions load = Load(state, server.address());
     if (tls) {
@@ -199,6 +215,8 @@ void RunIngest(benchmark::State& state, double rows_per_s, bool tls = false) {
   Compare(state, "of_echo", EchoRates(), rate);
   if (tls) {
     Compare(state, "of_plain", PlainRates(), rate);
+  } else if (postgresql) {
+    Compare(state, "of_sqlite", PlainRates(), rate);
   } else {
     PlainRates()[KeyOf(state)] = rate;
   }
@@ -339,11 +357,18 @@ void Drain(benchmark::State& state) {
   state.counters["of_live"] = rate / (kDrainCameras * 500);
 }
 
-void Ingest(benchmark::State& state) { RunIngest(state, 0); }
-void IngestTls(benchmark::State& state) { RunIngest(state, 0, /*tls=*/true); }
+void Ingest(benchmark::State& state) { RunIngest(state, {}); }
+void IngestTls(benchmark::State& state) { RunIngest(state, {.tls = true}); }
+void IngestPostgres(benchmark::State& state) { RunIngest(state, {.postgresql = true}); }
 // Each agent at 500 observations/s, the rate of a fast event camera.
-void IngestPaced(benchmark::State& state) { RunIngest(state, 500); }
-void IngestPacedTls(benchmark::State& state) { RunIngest(state, 500, /*tls=*/true); }
+void IngestPaced(benchmark::State& state) { RunIngest(state, {.rows_per_s = 500}); }
+void IngestPacedTls(benchmark::State& state) { RunIngest(state, {.rows_per_s = 500, .tls = true}); }
+// 16 of them: 25 000 observations/s in all.
+constexpr double kManyRowsPerS = 25'000.0 / 16;
+void IngestMany(benchmark::State& state) { RunIngest(state, {.rows_per_s = kManyRowsPerS}); }
+void IngestManyPostgres(benchmark::State& state) {
+  RunIngest(state, {.rows_per_s = kManyRowsPerS, .postgresql = true});
+}
 
 using Run = void (*)(benchmark::State&);
 
@@ -365,6 +390,11 @@ void Register() {
     RegisterLoad("ingest/Ingest", Ingest, load, 5);
     RegisterLoad("ingest/IngestTls", IngestTls, load, 5);
   }
+  if (testing::PostgresCluster::Installed()) {
+    RegisterLoad("ingest/IngestPostgres", IngestPostgres, {16, 16}, 5);
+    RegisterLoad("ingest/IngestManyPostgres", IngestManyPostgres, {16, 16}, 1);
+  }
+  RegisterLoad("ingest/IngestMany", IngestMany, {16, 16}, 1);
   benchmark::RegisterBenchmark("ingest/DrainDiskSpool", Drain)
       ->Iterations(8)
       ->UseManualTime()

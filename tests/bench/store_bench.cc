@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The cost of storing, without the network: Append of 1, 64 and 512 batches to a transaction,
-// reading them back, and the path through validation, queue and writer. TMPDIR chooses the disk.
+// reading them back, and the path through validation, queue and writer. TMPDIR chooses the disk,
+// also that of the PostgreSQL server, which runs on this PC with fsync on.
 #include <benchmark/benchmark.h>
 
 #include <condition_variable>
@@ -13,10 +14,11 @@
 
 #include "server/ingest/batch_validation.h"
 #include "server/ingest/ingest.h"
-#include "server/store/sqlite/batch_blob.h"
-#include "server/store/sqlite/sqlite_store.h"
+#include "server/store/batch_blob.h"
+#include "server/store/factory/open_store.h"
 #include "tests/bench/suites.h"
 #include "tests/server/store/store_fixture.h"
+#include "tests/testing/postgres_cluster.h"
 #include "tests/testing/temporary_directory.h"
 
 namespace rigcal::server::store_bench {
@@ -26,17 +28,22 @@ using ::rigcal::testing::CapturingSession;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;
 using ::rigcal::testing::MakeDelivery;
+using ::rigcal::testing::PostgresCluster;
 using ::rigcal::testing::TemporaryDirectory;
 
-struct OpenStore {
-  OpenStore() {
-    SqliteStoreOptions options;
-    options.data_directory = directory.path();
-    store = *SqliteStore::Open(options);
+struct EmptyStore {
+  explicit EmptyStore(bool postgresql = false) {
+    if (postgresql) {
+      cluster = std::make_unique<PostgresCluster>(PostgresCluster::Options{});  // fsync is on
+      store = *OpenStore(cluster->NewUrl());
+    } else {
+      store = *OpenStore(directory.path().string());
+    }
     if (!store->CreateSession(CapturingSession({"a", "b", "c", "d"})).ok()) std::abort();
   }
   TemporaryDirectory directory;
-  std::unique_ptr<SqliteStore> store;
+  std::unique_ptr<PostgresCluster> cluster;
+  std::unique_ptr<Store> store;
 };
 
 // The next batch of a stream of equal batches.
@@ -46,8 +53,8 @@ void Advance(ObservationBatch* batch) {
   for (int64_t& time_ns : batch->time_ns) time_ns += int64_t{rows} * 10'000'000;
 }
 
-void Append(benchmark::State& state) {
-  OpenStore open;
+void Append(benchmark::State& state, bool postgresql) {
+  EmptyStore open(postgresql);
   const auto group = static_cast<size_t>(state.range(0));
   const auto rows = static_cast<uint32_t>(state.range(1));
   ObservationBatch next = MakeBatch(KeyOf("a"), 1, rows);
@@ -91,7 +98,7 @@ absl::StatusOr<StreamContext> OneContext(const StreamKey&) {
 
 // One sender that keeps at most 512 batches of 16 rows unacknowledged.
 void Ingest(benchmark::State& state) {
-  OpenStore open;
+  EmptyStore open;
   server::Ingest ingest({}, open.store.get(), OneContext, nullptr);
   ingest.Start();
   std::mutex mutex;
@@ -121,7 +128,7 @@ void Ingest(benchmark::State& state) {
 }
 
 void Read(benchmark::State& state) {
-  OpenStore open;
+  EmptyStore open;
   std::vector<Delivery> deliveries;
   for (uint32_t i = 0; i < 4096; ++i) {
     deliveries.push_back(MakeDelivery(MakeBatch(KeyOf("a"), 1 + 16 * i, 16 + 16 * i)));
@@ -139,13 +146,17 @@ void Read(benchmark::State& state) {
 }
 
 void Register() {
-  benchmark::RegisterBenchmark("store/Append", Append)
-      ->ArgNames({"batches", "rows"})
-      ->Args({1, 16})
-      ->Args({64, 16})
-      ->Args({512, 16})
-      ->Args({1, 1600})
-      ->UseRealTime();
+  for (const bool postgresql : {false, true}) {
+    if (postgresql && !PostgresCluster::Installed()) continue;
+    benchmark::RegisterBenchmark(postgresql ? "store/AppendPostgres" : "store/Append", Append,
+                                 postgresql)
+        ->ArgNames({"batches", "rows"})
+        ->Args({1, 16})
+        ->Args({64, 16})
+        ->Args({512, 16})
+        ->Args({1, 1600})
+        ->UseRealTime();
+  }
   benchmark::RegisterBenchmark("store/Encode", Encode);
   benchmark::RegisterBenchmark("store/Validate", Validate);
   benchmark::RegisterBenchmark("store/Ingest", Ingest)->UseRealTime();

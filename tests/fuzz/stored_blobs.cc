@@ -14,7 +14,7 @@
 
 #include "common/wire/calibration_wire.h"
 #include "common/wire/session_wire.h"
-#include "server/store/sqlite/batch_blob.h"
+#include "server/store/batch_blob.h"
 #include "tests/fuzz/fuzz_check.h"
 
 namespace {

@@ -19,12 +19,10 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "common/simulation/world/simulated_world.h"
-#include "common/wire/camera_wire.h"
+#include "tests/integration/running_wave.h"
 #include "tests/testing/process.h"
 #include "tests/testing/recorded_data.h"
 #include "tests/testing/server_client.h"
-#include "tests/testing/simulated_rows.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -32,20 +30,6 @@ namespace rigcal::testing::server_killed_test {
 namespace {
 
 namespace fs = std::filesystem;
-
-v1::CreateSessionRequest WandSession() {
-  Target target;
-  target.marker_positions_m = {0, 0.13, 0.39};
-  v1::CreateSessionRequest request;
-  request.set_id("wave");
-  *request.mutable_target() = wire::ToProto(target);
-  return request;
-}
-
-uint64_t StoredCount(const std::string& address) {
-  const auto session = ServerClient(address).GetSession("wave");
-  return session.ok() ? session->observation_count() : 0;
-}
 
 // Each (camera, stream epoch, seq) is stored exactly once.
 void ExpectStoredOnce(ServerClient& client, uint32_t expected) {
@@ -123,78 +107,20 @@ int KillCount() {
   return asked == nullptr ? 5 : std::max(1, std::atoi(asked));
 }
 
-// Agents that capture for as long as it takes, and a server that is killed at random instants.
-class KilledAtRandom : public ::testing::Test {
+// For each kind of store that this PC has.
+std::vector<std::string> StoreKinds() {
+  std::vector<std::string> kinds = {"sqlite"};
+  if (PostgresCluster::Installed()) kinds.emplace_back("postgresql");
+  return kinds;
+}
+
+class KilledAtRandom : public RunningWave, public ::testing::WithParamInterface<std::string> {
  protected:
-  static constexpr int kCameras = 3;
-
-  KilledAtRandom() {
-    options_.camera_count = kCameras;
-    options_.duration_s = 200 + 40 * KillCount();  // far more than is captured
-    for (int i = 0; i < kCameras; ++i) {
-      agents_.push_back(std::make_unique<Process>(Process::Options{
-          {"rigcal-agent", "--server", server_->address(), "--state-dir",
-           (directory_.path() / ("agent" + std::to_string(i))).string(), "--source",
-           absl::StrCat("sim:camera=", i, ";cameras=", kCameras, ";duration=", options_.duration_s,
-                        ";speed=8")},
-          {}}));
-    }
-  }
-
-  void KillServer() {
-    server_->process().Signal(SIGKILL);
-    server_->process().Wait();
-    const int port = server_->port();
-    server_.reset();
-    const auto start = std::chrono::steady_clock::now();
-    server_ = std::make_unique<ServerProcess>(directory_.path() / "store", port);
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-    longest_restart_s_ = std::max(longest_restart_s_, took.count());
-  }
-
-  // The same rows, delivered to a server that nobody kills.
-  std::string UndisturbedCalibration(const std::vector<ObservationBatch>& batches,
-                                     const v1::Session& session) {
-    const ServerProcess server(directory_.path() / "undisturbed");
-    ServerClient client(server.address());
-    v1::CreateSessionRequest request = WandSession();
-    for (const v1::SessionCamera& camera : session.cameras()) {
-      *request.add_cameras() = camera.description();
-    }
-    EXPECT_THAT(client.CreateSession(request), IsOk());
-    EXPECT_THAT(client.StartSession("wave"), IsOk());
-    for (const ObservationBatch& batch : batches) EXPECT_THAT(client.Upload(batch), IsOk());
-    for (const v1::SessionCamera& camera : session.cameras()) {
-      EXPECT_THAT(client.UploadEnd("wave", camera.description().camera(),
-                                   camera.streams(0).stream_epoch(), camera.streams(0).last_seq()),
-                  IsOk());
-    }
-    EXPECT_THAT(client.WaitUntilFinished("wave"), IsOk());
-    const auto calibration = client.Calibrate("wave");
-    EXPECT_THAT(calibration, IsOk());
-    return calibration.ok() ? ComparableBytes(*calibration) : "";
-  }
-
-  const Target target_ = [] {
-    Target target;
-    target.marker_positions_m = {0, 0.13, 0.39};
-    return target;
-  }();
-  const TemporaryDirectory directory_;
-  std::unique_ptr<ServerProcess> server_ =
-      std::make_unique<ServerProcess>(directory_.path() / "store");
-  SimulationOptions options_;
-  std::vector<std::unique_ptr<Process>> agents_;
-  double longest_restart_s_ = 0;
+  KilledAtRandom() : RunningWave(GetParam(), 200 + 40 * KillCount()) {}
 };
 
-TEST_F(KilledAtRandom, LosesNothingAndGivesTheSameResult) {
-  ASSERT_TRUE(WaitFor([&] {
-    const auto listed = ServerClient(server_->address()).ListAgents();
-    return listed.ok() && listed->size() == kCameras;
-  })) << agents_[0]->StandardError();
-  ASSERT_THAT(ServerClient(server_->address()).CreateSession(WandSession()), IsOk());
-  ASSERT_THAT(ServerClient(server_->address()).StartSession("wave"), IsOk());
+TEST_P(KilledAtRandom, LosesNothingAndGivesTheSameResult) {
+  Begin();
   std::mt19937 random(11);
   for (int kill = 0; kill < KillCount(); ++kill) {
     // At any point of starting, connecting, storing; now and then with some progress between.
@@ -206,28 +132,12 @@ TEST_F(KilledAtRandom, LosesNothingAndGivesTheSameResult) {
     std::this_thread::sleep_for(std::chrono::milliseconds(random() % 600));
     KillServer();
   }
-  const uint64_t enough = 3 * 400;
-  ASSERT_TRUE(WaitFor([&] { return StoredCount(server_->address()) >= enough; }))
-      << agents_[0]->StandardError();
-  ServerClient client(server_->address());
-  ASSERT_THAT(client.StopSession("wave", 60), IsOk());
-  const auto finished = client.WaitUntilFinished("wave");
-  ASSERT_THAT(finished, IsOk()) << agents_[0]->StandardError();
-  EXPECT_EQ(finished->missing_cameras_size(), 0);
-  EXPECT_EQ(finished->late_count(), 0u);
-  const auto batches = client.ReadObservations("wave");
-  ASSERT_THAT(batches, IsOk());
-  const auto world = SimulatedWorld::Create(options_, target_);
-  ASSERT_THAT(world, IsOk());
-  ExpectSimulatedRows(*world, *batches, *finished);
-  const auto calibration = client.Calibrate("wave");
-  ASSERT_THAT(calibration, IsOk());
-  EXPECT_EQ(calibration->state(), v1::Calibration::STATE_SUCCEEDED) << calibration->error();
-  EXPECT_TRUE(ComparableBytes(*calibration) == UndisturbedCalibration(*batches, *finished))
-      << "another calibration came out";
-  std::printf("%d kills, %lu rows, longest restart %.2f s\n", KillCount(),
-              static_cast<unsigned long>(finished->observation_count()), longest_restart_s_);
+  ExpectNothingLostAndTheSameResult();
+  std::printf("%d kills, longest restart %.2f s\n", KillCount(), longest_restart_s_);
 }
+
+INSTANTIATE_TEST_SUITE_P(Stores, KilledAtRandom, ::testing::ValuesIn(StoreKinds()),
+                         [](const auto& kind) { return kind.param; });
 
 }  // namespace
 }  // namespace rigcal::testing::server_killed_test

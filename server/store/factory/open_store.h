@@ -4,8 +4,10 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/store/sql/table_copy.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
@@ -13,14 +15,28 @@ namespace rigcal::server {
 struct StoreOptions {
   // Observations are refused while the disk has less room than this.
   uint64_t min_free_bytes = uint64_t{256} << 20;
+  // Take a PostgreSQL server that does not write through to its disk.
+  bool unsafe = false;
 };
 
 // Opens the store at `location`, KIND:PLACE, or a folder's path alone for the default kind. Kinds:
 //   sqlite:FOLDER  one SQLite database in the folder, created where it is missing (the default)
+//   postgresql://USER@HOST/DATABASE  a PostgreSQL database of this server's own
 // INVALID_ARGUMENT: an unknown kind; the known ones are named. Else as the Open of that kind.
 //
 // Another kind of store is a folder beside this one and a line in open_store.cc.
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const std::string& location,
                                                  const StoreOptions& options = {});
+
+// A location as messages may show it: without a password.
+std::string PrintableLocation(const std::string& location);
+
+// The location is a database elsewhere, so that a server needs a folder beside it.
+bool IsDatabaseAddress(const std::string& location);
+
+// Copies everything from one store to another one, of any kinds, which must be empty; no server may
+// use either. Errors as OpenStore and SqlStore::CopyFrom; NOT_FOUND: there is no store at `from`.
+absl::StatusOr<std::vector<CopiedTable>> CopyStore(const std::string& from, const std::string& to,
+                                                   const StoreOptions& options = {});
 
 }  // namespace rigcal::server

@@ -13,7 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
-#include "server/store/sqlite/record_checksum.h"
+#include "server/store/record_checksum.h"
 #include "server/store/sqlite/sqlite_connection.h"
 #include "server/store/sqlite/sqlite_schema.h"
 
@@ -62,7 +62,8 @@ void CopyDatabase(SQLite::Database& source, SQLite::Database& copy, const CarePr
 absl::Status AddSmallFiles(const fs::path& data_directory, SQLite::Database& copy) {
   SQLite::Transaction transaction(copy);
   copy.exec(kBackupTable);
-  SQLite::Statement insert(copy, "INSERT INTO backup_file(path, body, checksum) VALUES(?,?,?)");
+  SqliteDatabase tables(copy);
+  SqlStatement insert(tables, "INSERT INTO backup_file(path, body, checksum) VALUES(?,?,?)");
   for (const fs::path& name : SmallFiles(data_directory)) {
     RIGCAL_ASSIGN_OR_RETURN(const std::string body,
                             ReadWholeFile(data_directory / name, kMaxSmallFile));

@@ -15,9 +15,9 @@
 #include "common/file/durable_file.h"
 #include "common/file/private_folder.h"
 #include "common/status/status_macros.h"
+#include "server/store/record_checksum.h"
 #include "server/store/sqlite/data_directory.h"
 #include "server/store/sqlite/database_backup.h"
-#include "server/store/sqlite/record_checksum.h"
 #include "server/store/sqlite/sqlite_connection.h"
 #include "server/store/sqlite/sqlite_schema.h"
 
@@ -62,18 +62,19 @@ absl::Status UnpackSmallFiles(const fs::path& folder) {
     DistrustSchema(database);
     RIGCAL_RETURN_IF_ERROR(CheckSchema(database, "the backup"));
     if (!database.tableExists("backup_file")) return absl::OkStatus();
-    SQLite::Statement row(database, "SELECT path, body, checksum FROM backup_file");
-    while (row.executeStep()) {
-      const fs::path path = row.getColumn(0).getString();
-      const std::string_view body = ColumnBytes(row, 1);
-      if (!IsSafe(path) || Checksum(body) != ColumnUint32(row, 2)) {
+    SqliteDatabase tables(database);
+    SqlStatement row(tables, "SELECT path, body, checksum FROM backup_file");
+    while (row.Step()) {
+      const fs::path path = row.Text(0);
+      const std::string_view body = row.Bytes(1);
+      if (!IsSafe(path) || Checksum(body) != row.Uint32(2)) {
         return absl::DataLossError(
             absl::StrCat("the file ", path.string(), " in the backup is damaged"));
       }
       if (path.has_parent_path()) mkdir((folder / path.parent_path()).c_str(), 0700);
       RIGCAL_RETURN_IF_ERROR(CreatePrivateFile(folder / path, body));
     }
-    row.reset();
+    row.Reset();
     database.exec("DROP TABLE backup_file");
     return absl::OkStatus();
   } catch (const SQLite::Exception& error) {

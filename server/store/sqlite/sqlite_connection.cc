@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 
@@ -44,6 +45,39 @@ bool IsDiskFull(const SQLite::Exception& error) {
 bool IsDiskFailure(const SQLite::Exception& error) {
   return PrimaryCode(error) == SQLITE_IOERR && !IsDiskFull(error);
 }
+
+class SqliteStatement final : public SqlStatementDriver {
+ public:
+  SqliteStatement(SQLite::Database& database, const std::string& sql) : statement_(database, sql) {}
+
+  void BindNumber(int index, int64_t value) override { statement_.bind(index, value); }
+  void BindText(int index, std::string_view text) override {
+    statement_.bind(index, std::string(text));
+  }
+  void BindBlob(int index, std::string_view bytes) override {
+    if (bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max())) {
+      throw SQLite::Exception("a blob is larger than 2 GB", SQLITE_TOOBIG);
+    }
+    // A null pointer would bind NULL instead of an empty blob.
+    const char* data = bytes.empty() ? "" : bytes.data();
+    statement_.bindNoCopy(index, static_cast<const void*>(data), static_cast<int>(bytes.size()));
+  }
+  void BindNull(int index) override { statement_.bind(index); }
+  void Run() override { statement_.exec(); }
+  int64_t RunAndCount() override { return statement_.exec(); }
+  bool Step() override { return statement_.executeStep(); }
+  void Reset() override { statement_.tryReset(); }
+  bool IsNull(int column) override { return statement_.getColumn(column).isNull(); }
+  int64_t Number(int column) override { return statement_.getColumn(column).getInt64(); }
+  std::string_view Bytes(int column) override {
+    const SQLite::Column value = statement_.getColumn(column);
+    const void* data = value.getBlob();
+    return {static_cast<const char*>(data), static_cast<size_t>(value.getBytes())};
+  }
+
+ private:
+  SQLite::Statement statement_;
+};
 
 }  // namespace
 
@@ -85,41 +119,15 @@ absl::Status StatusFromSqlite(const SQLite::Exception& error, std::string_view w
   }
 }
 
-void BindValue(SQLite::Statement& statement, int index, std::string_view text) {
-  statement.bind(index, std::string(text));
+std::unique_ptr<SqlStatementDriver> SqliteDatabase::Prepare(const std::string& sql) {
+  return std::make_unique<SqliteStatement>(database_, sql);
 }
 
-void BindValue(SQLite::Statement& statement, int index, Blob blob) {
-  const std::string_view bytes = blob.bytes;
-  if (bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max())) {
-    throw SQLite::Exception("a blob is larger than 2 GB", SQLITE_TOOBIG);
+absl::Status SqliteDatabase::StatusOf(const std::exception& error, std::string_view what) const {
+  if (const auto* of_sqlite = dynamic_cast<const SQLite::Exception*>(&error)) {
+    return StatusFromSqlite(*of_sqlite, what);
   }
-  // A null pointer would bind NULL instead of an empty blob.
-  const char* data = bytes.empty() ? "" : bytes.data();
-  statement.bindNoCopy(index, static_cast<const void*>(data), static_cast<int>(bytes.size()));
-}
-
-void BindValue(SQLite::Statement& statement, int index, std::optional<uint32_t> number) {
-  if (number) {
-    statement.bind(index, *number);
-  } else {
-    statement.bind(index);
-  }
-}
-
-std::string_view ColumnBytes(SQLite::Statement& statement, int index) {
-  const SQLite::Column column = statement.getColumn(index);
-  const void* data = column.getBlob();
-  return {static_cast<const char*>(data), static_cast<size_t>(column.getBytes())};
-}
-
-uint32_t ColumnUint32(SQLite::Statement& statement, int index) {
-  return static_cast<uint32_t>(std::clamp<int64_t>(statement.getColumn(index).getInt64(), 0,
-                                                   std::numeric_limits<uint32_t>::max()));
-}
-
-uint64_t ColumnUint64(SQLite::Statement& statement, int index) {
-  return static_cast<uint64_t>(std::max<int64_t>(0, statement.getColumn(index).getInt64()));
+  return absl::InternalError(absl::StrCat(std::string(what), ": ", error.what()));
 }
 
 absl::StatusOr<std::unique_ptr<SqliteWriter>> SqliteWriter::Open(const std::filesystem::path& file,
@@ -152,6 +160,7 @@ absl::StatusOr<std::unique_ptr<SqliteWriter>> SqliteWriter::Open(const std::file
     database.exec("PRAGMA journal_size_limit=67108864");
     // Checkpoints are ours: the automatic ones swallow errors of the disk.
     sqlite3_wal_hook(database.getHandle(), &RememberLogPages, &writer->log_pages_);
+    writer->sql_ = std::make_unique<SqliteDatabase>(database);
     writer->begin_ = std::make_unique<SQLite::Statement>(database, "BEGIN IMMEDIATE");
     writer->commit_ = std::make_unique<SQLite::Statement>(database, "COMMIT");
   } catch (const SQLite::Exception& error) {
@@ -167,8 +176,7 @@ SqliteWriter::~SqliteWriter() {
   }
 }
 
-absl::Status SqliteWriter::Transact(std::string_view what,
-                                    const std::function<absl::Status()>& work,
+absl::Status SqliteWriter::Transact(std::string_view what, const Work& work,
                                     const std::function<void()>& on_rollback) {
   const std::lock_guard lock(mutex_);
   RIGCAL_RETURN_IF_ERROR(problem());
@@ -183,14 +191,13 @@ absl::Status SqliteWriter::Transact(std::string_view what,
   return status;
 }
 
-absl::Status SqliteWriter::TransactLocked(std::string_view what,
-                                          const std::function<absl::Status()>& work) {
+absl::Status SqliteWriter::TransactLocked(std::string_view what, const Work& work) {
   try {
-    const StatementScope begin_scope(*begin_);
     begin_->exec();
-    absl::Status status = work();
+    begin_->reset();
+    absl::Status status = work(*sql_);
     if (status.ok()) {
-      const StatementScope commit_scope(*commit_);
+      const absl::Cleanup reset = [this] { commit_->tryReset(); };
       commit_->exec();
     } else {
       RollBack();
@@ -206,6 +213,7 @@ absl::Status SqliteWriter::TransactLocked(std::string_view what,
 }
 
 void SqliteWriter::RollBack() {
+  begin_->tryReset();
   // Some errors have rolled back already.
   if (sqlite3_get_autocommit(database_->getHandle()) != 0) return;
   database_->tryExec("ROLLBACK");
@@ -278,6 +286,18 @@ absl::Status SqliteReader::NoteFailure(const SQLite::Exception& error, std::stri
   return status;
 }
 
+absl::Status SqliteReader::ReadWith(std::string_view what, const SqlWriter::Work& work) {
+  const std::lock_guard lock(mutex_);
+  try {
+    SQLite::Transaction transaction(*database_);
+    absl::Status status = work(*sql_);
+    transaction.commit();
+    return status;
+  } catch (const SQLite::Exception& error) {
+    return NoteFailure(error, what);
+  }
+}
+
 absl::StatusOr<std::unique_ptr<SqliteReader>> SqliteReader::Open(const std::filesystem::path& file,
                                                                  const std::string& vfs) {
   std::unique_ptr<SqliteReader> reader(new SqliteReader());
@@ -285,6 +305,7 @@ absl::StatusOr<std::unique_ptr<SqliteReader>> SqliteReader::Open(const std::file
     reader->database_ = std::make_unique<SQLite::Database>(
         file.string(), SQLite::OPEN_READONLY | SQLite::OPEN_NOMUTEX, kBusyTimeoutMs, vfs);
     ConfigureConnection(*reader->database_);
+    reader->sql_ = std::make_unique<SqliteDatabase>(*reader->database_);
   } catch (const SQLite::Exception& error) {
     return StatusFromSqlite(error, absl::StrCat("opening ", file.string(), " for reading"));
   }

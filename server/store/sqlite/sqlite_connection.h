@@ -3,81 +3,19 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
-#include <algorithm>
-#include <cstdint>
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <string_view>
-#include <type_traits>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/store/sql/sql_database.h"
 
 namespace rigcal::server {
-
-// Resets a kept statement at the end of the scope, so that it holds no locks and no pointers.
-class StatementScope {
- public:
-  explicit StatementScope(SQLite::Statement& statement) : statement_(statement) {}
-  ~StatementScope() { statement_.tryReset(); }
-  StatementScope(const StatementScope&) = delete;
-  StatementScope& operator=(const StatementScope&) = delete;
-
- private:
-  SQLite::Statement& statement_;
-};
-
-// A value of a statement that is not copied: the bytes must outlive the statement's next reset.
-struct Blob {
-  std::string_view bytes;
-};
-
-void BindValue(SQLite::Statement& statement, int index, std::string_view text);
-void BindValue(SQLite::Statement& statement, int index, Blob blob);
-void BindValue(SQLite::Statement& statement, int index, std::optional<uint32_t> number);
-// Numbers beyond the largest of SQLite become that one; enums are bound as their numbers.
-template <typename Number>
-requires std::is_integral_v<Number> || std::is_enum_v<Number>
-void BindValue(SQLite::Statement& statement, int index, Number value) {
-  if constexpr (std::is_same_v<Number, uint64_t>) {
-    statement.bind(index, static_cast<int64_t>(std::min<uint64_t>(value, INT64_MAX)));
-  } else {
-    statement.bind(index, static_cast<int64_t>(value));
-  }
-}
-
-// Binds `values` to the statement's parameters 1, 2, ...
-template <typename... Values>
-void BindAll(SQLite::Statement& statement, const Values&... values) {
-  int index = 0;
-  (BindValue(statement, ++index, values), ...);
-}
-
-// Runs a kept statement with these values; returns the number of rows it changed.
-template <typename... Values>
-int Execute(SQLite::Statement& statement, const Values&... values) {
-  const StatementScope scope(statement);
-  BindAll(statement, values...);
-  return statement.exec();
-}
-
-// A statement with these values, ready to step.
-template <typename... Values>
-SQLite::Statement Query(SQLite::Database& database, const std::string& sql,
-                        const Values&... values) {
-  SQLite::Statement statement(database, sql);
-  BindAll(statement, values...);
-  return statement;
-}
-
-std::string_view ColumnBytes(SQLite::Statement& statement, int index);
-// Values outside the range of the type become its nearest one.
-uint32_t ColumnUint32(SQLite::Statement& statement, int index);
-uint64_t ColumnUint64(SQLite::Statement& statement, int index);
 
 // The status for an error of SQLite; `what` begins the message: "storing observations".
 //   RESOURCE_EXHAUSTED  the disk is full
@@ -91,25 +29,35 @@ absl::Status StatusFromSqlite(const SQLite::Exception& error, std::string_view w
 // with it.
 void DistrustSchema(SQLite::Database& database);
 
+// Statements of a connection for the tables of the store. The connection must outlive it.
+class SqliteDatabase final : public SqlDatabase {
+ public:
+  explicit SqliteDatabase(SQLite::Database& database) : database_(database) {}
+  std::unique_ptr<SqlStatementDriver> Prepare(const std::string& sql) override;
+  absl::Status StatusOf(const std::exception& error, std::string_view what) const override;
+
+ private:
+  SQLite::Database& database_;
+};
+
 // The one connection that writes and checkpoints. Thread-safe. `work` given to the functions below
 // may throw SQLite::Exception, which becomes a status that begins with `what`.
-class SqliteWriter {
+class SqliteWriter final : public SqlWriter {
  public:
   // Opens or creates `file` with WAL and synchronous=FULL. `vfs`: empty for the system's own. The
   // log is moved into the database whenever it has grown to `checkpoint_bytes`.
   static absl::StatusOr<std::unique_ptr<SqliteWriter>> Open(const std::filesystem::path& file,
                                                             const std::string& vfs,
                                                             size_t checkpoint_bytes);
-  ~SqliteWriter();
+  ~SqliteWriter() override;
   SqliteWriter(const SqliteWriter&) = delete;
   SqliteWriter& operator=(const SqliteWriter&) = delete;
 
-  // Runs `work` in a transaction that is durable when OK is returned, and rolled back otherwise.
   // After a disk failure every later call fails with INTERNAL: a failed sync must not be tried
-  // again, as the kernel may have dropped the pages that it could not write. `on_rollback` is
-  // called before another transaction can begin.
-  absl::Status Transact(std::string_view what, const std::function<absl::Status()>& work,
-                        const std::function<void()>& on_rollback = nullptr);
+  // again, as the kernel may have dropped the pages that it could not write.
+  absl::Status Transact(std::string_view what, const Work& work,
+                        const std::function<void()>& on_rollback = nullptr) override;
+  SqlDatabase& sql() override { return *sql_; }
   // Runs `work` without a transaction around it, for statements that bring their own.
   absl::Status RunAlone(std::string_view what, const std::function<void()>& work);
   // Moves everything from the log into the database and empties the log. Waits for readers.
@@ -123,7 +71,7 @@ class SqliteWriter {
 
  private:
   SqliteWriter() = default;
-  absl::Status TransactLocked(std::string_view what, const std::function<absl::Status()>& work);
+  absl::Status TransactLocked(std::string_view what, const Work& work);
   void RollBack();
   absl::Status CheckpointLocked(int mode);
   // The error as a status; a disk failure ends all writing.
@@ -131,6 +79,7 @@ class SqliteWriter {
 
   std::mutex mutex_;
   std::unique_ptr<SQLite::Database> database_;
+  std::unique_ptr<SqliteDatabase> sql_;
   std::unique_ptr<SQLite::Statement> begin_;
   std::unique_ptr<SQLite::Statement> commit_;
   int log_pages_ = 0;
@@ -140,25 +89,13 @@ class SqliteWriter {
 };
 
 // A second connection that only reads. Thread-safe.
-class SqliteReader {
+class SqliteReader final : public SqlReader {
  public:
   static absl::StatusOr<std::unique_ptr<SqliteReader>> Open(const std::filesystem::path& file,
                                                             const std::string& vfs);
 
-  // Runs `work`, which returns a Status or a StatusOr, on one consistent state of the database.
   // Keep it short: readers wait for each other, and the log cannot be emptied meanwhile.
-  template <typename Work>
-  std::invoke_result_t<Work, SQLite::Database&> Read(std::string_view what, const Work& work) {
-    const std::lock_guard lock(mutex_);
-    try {
-      SQLite::Transaction transaction(*database_);
-      auto result = work(*database_);
-      transaction.commit();
-      return result;
-    } catch (const SQLite::Exception& error) {
-      return NoteFailure(error, what);
-    }
-  }
+  absl::Status ReadWith(std::string_view what, const SqlWriter::Work& work) override;
   // Why reading has failed before: the disk does not give back what is on it, or the file is
   // damaged. Stays until the store is opened again: another read may find its data in memory. Never
   // waits for a reader.
@@ -172,6 +109,7 @@ class SqliteReader {
   std::string problem_;
   std::mutex mutex_;
   std::unique_ptr<SQLite::Database> database_;
+  std::unique_ptr<SqliteDatabase> sql_;
 };
 
 }  // namespace rigcal::server

@@ -9,9 +9,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
-#include "server/store/sqlite/activation_table.h"
-#include "server/store/sqlite/calibration_table.h"
-#include "server/store/sqlite/session_table.h"
+#include "server/store/sql/calibration_table.h"
+#include "server/store/sql/session_table.h"
 #include "server/store/sqlite/sqlite_connection.h"
 
 namespace rigcal::server {
@@ -184,6 +183,18 @@ CREATE TABLE light_sample(
 ) WITHOUT ROWID;
 )sql";
 
+// What version 5 has added: which calibration of a rig is active, and which ones were.
+constexpr char kActivationTable[] = R"sql(
+CREATE TABLE activation(
+  rig TEXT NOT NULL,
+  number INTEGER NOT NULL,
+  calibration_id TEXT NOT NULL,
+  body BLOB NOT NULL,
+  checksum INTEGER NOT NULL,
+  PRIMARY KEY(rig, number)
+) WITHOUT ROWID;
+)sql";
+
 std::string RandomId() {
   std::random_device device;
   return absl::StrFormat("%08x%08x%08x%08x", device(), device(), device(), device());
@@ -203,7 +214,9 @@ void CreateTablesOf(SQLite::Database& database, int32_t version) {
 
 void CreateTables(SQLite::Database& database) {
   CreateTablesOf(database, kSchemaVersion);
-  Query(database, "INSERT INTO identity(server_id) VALUES(?)", RandomId()).exec();
+  SQLite::Statement insert(database, "INSERT INTO identity(server_id) VALUES(?)");
+  insert.bind(1, RandomId());
+  insert.exec();
   database.exec(absl::StrCat("PRAGMA application_id=", kApplicationId));
   database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
 }
@@ -252,8 +265,9 @@ absl::Status CheckNothingElse(SQLite::Database& database, const std::string& fil
 void Migrate(SQLite::Database& database, int32_t version) {
   if (version < kVersionWithSummaries) {
     database.exec(kTablesOfVersion4);
-    SummarizeSessions(database);
-    SummarizeCalibrations(database);
+    SqliteDatabase tables(database);
+    SummarizeSessions(tables);
+    SummarizeCalibrations(tables);
   }
   if (version < kVersionWithActivations) database.exec(kActivationTable);
   if (version < kVersionWithLights) database.exec(kTablesOfVersion6);
@@ -308,19 +322,6 @@ absl::StatusOr<std::string> ReadServerId(SQLite::Database& database) {
     return absl::DataLossError("the database has lost its identity; restore a backup");
   }
   return query.getColumn(0).getString();
-}
-
-uint32_t NextNumber(SQLite::Database& database, std::string_view counter) {
-  SQLite::Statement update =
-      Query(database,
-            "INSERT INTO counter(name, value) VALUES(?, 1) "
-            "ON CONFLICT(name) DO UPDATE SET value = value + 1 RETURNING value",
-            counter);
-  update.executeStep();
-  const uint32_t number = ColumnUint32(update, 0);
-  while (update.executeStep()) {
-  }
-  return number;
 }
 
 }  // namespace rigcal::server

@@ -39,7 +39,4 @@ CREATE TABLE backup_file(
 // The identity made by PrepareSchema.
 absl::StatusOr<std::string> ReadServerId(SQLite::Database& database);
 
-// Adds one to a persisted counter ("session", "calibration") and returns it; never the same twice.
-uint32_t NextNumber(SQLite::Database& database, std::string_view counter);
-
 }  // namespace rigcal::server

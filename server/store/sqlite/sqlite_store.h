@@ -13,13 +13,11 @@
 #include <string_view>
 #include <vector>
 
-#include "server/store/store.h"
+#include "server/store/sql/sql_store.h"
 
 namespace rigcal::server {
 
 class DataDirectory;
-struct DamageNote;
-class ObservationWriter;
 class SqliteReader;
 class SqliteWriter;
 
@@ -38,7 +36,7 @@ struct SqliteStoreOptions {
 
 // The embedded default: one SQLite database in the data directory, in write-ahead mode with
 // synchronous=FULL. One connection writes, another reads.
-class SqliteStore : public Store {
+class SqliteStore : public SqlStore {
  public:
   //   INVALID_ARGUMENT     no directory is named
   //   FAILED_PRECONDITION  another server uses the directory; the database is of a newer version or
@@ -50,36 +48,7 @@ class SqliteStore : public Store {
   std::string server_id() const override { return server_id_; }
   StoreHealth Health() const override;
 
-  absl::StatusOr<Session> CreateSession(Session session) override;
-  absl::Status UpdateSession(const Session& session) override;
-  absl::StatusOr<Session> GetSession(std::string_view id) const override;
-  absl::StatusOr<std::vector<Listed<SessionSummary>>> ListSessions(
-      const SessionFilter& filter, const ListPage& page) const override;
-  absl::Status DeleteSession(std::string_view id) override;
-  absl::Status DeleteObservations(std::string_view id, int64_t utc_ns) override;
-  absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
-      std::string_view id) const override;
-
   absl::StatusOr<std::vector<AppendOutcome>> Append(absl::Span<const Delivery> deliveries) override;
-  absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const override;
-  absl::StatusOr<std::vector<StreamAudit>> AuditStreams(std::string_view id) const override;
-  absl::StatusOr<std::unique_ptr<ObservationCursor>> OpenObservations(
-      std::string_view session_id, std::string_view camera) const override;
-  absl::Status ReadObservations(
-      std::string_view session_id, std::string_view camera,
-      const std::function<absl::Status(StoredBatch)>& visit) const override;
-
-  absl::StatusOr<Calibration> CreateCalibration(Calibration calibration) override;
-  absl::Status UpdateCalibration(const Calibration& calibration) override;
-  absl::StatusOr<Calibration> GetCalibration(std::string_view id) const override;
-  absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(
-      const CalibrationFilter& filter, const ListPage& page) const override;
-  absl::Status DeleteCalibration(std::string_view id) override;
-  absl::StatusOr<std::vector<RigSummary>> ListRigs() const override;
-  absl::StatusOr<Activation> AddActivation(Activation activation) override;
-  absl::StatusOr<std::vector<Activation>> ListActivations(std::string_view rig,
-                                                          int limit) const override;
-
   absl::Status Compact(const std::function<absl::Status(double)>& progress) override;
 
  private:
@@ -87,25 +56,19 @@ class SqliteStore : public Store {
   absl::Status OpenDatabase();
   // RESOURCE_EXHAUSTED: the disk has less room than its reserve.
   absl::Status CheckRoom() const;
-  // Once for each damaged batch.
-  void NoteDamagedBatches(const std::vector<DamageNote>& damaged) const;
   absl::StatusOr<int64_t> ReadNumber(const char* pragma) const;
-  // Inside a transaction of the writer's.
-  void NoteUnusedPages();
+  void NoteSize() override;
   // For a database that was made before space could be given back in steps.
   absl::Status Rewrite();
-  // Changes sessions, and clears the observation writer's copies of them.
-  absl::Status ChangeSessions(std::string_view what, const std::function<absl::Status()>& change);
-  // Runs `erase`; where the disk is full, again with the room that is kept for it.
-  absl::Status EraseOnAnyDisk(const std::function<absl::Status()>& erase);
+  // Where the disk is full, again with the room that is kept for it.
+  absl::Status Erase(const std::function<absl::Status()>& erase) override;
 
   SqliteStoreOptions options_;
   std::string server_id_;
   std::unique_ptr<DataDirectory> directory_;  // outlives the connections: it holds the lock
   std::unique_ptr<SqliteWriter> writer_;
   std::unique_ptr<SqliteReader> reader_;
-  std::unique_ptr<ObservationWriter> observations_;        // used in the writer's transactions only
-  std::unique_ptr<SQLite::Statement> count_unused_pages_;  // the same
+  std::unique_ptr<SQLite::Statement> count_unused_pages_;  // used in the writer's transactions only
   std::atomic<uint64_t> unused_bytes_ = 0;
 };
 

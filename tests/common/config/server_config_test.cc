@@ -45,7 +45,7 @@ TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
     keys += line.find(" = ") != std::string::npos ? 1 : 0;
     text += (line.substr(0, 1) == "#" ? line.substr(1) : line) + "\n";
   }
-  EXPECT_EQ(keys, 28);
+  EXPECT_EQ(keys, 30);
   ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(text));
   EXPECT_EQ(config.listen, ServerConfig().listen);
   EXPECT_EQ(config.log_level, ServerConfig().log_level);
@@ -59,6 +59,8 @@ TEST_F(ServerConfigTest, TakesEveryKey) {
   ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(R"(
 listen = "[::1]:0"
 data_dir = "data"
+store = "postgresql://rigcal@db/rigcal"
+store_unsafe = true
 docs_dir = "html"
 log_level = "debug"
 [https]
@@ -92,6 +94,8 @@ delete_calibrated = true
 )"));
   EXPECT_EQ(config.listen, "[::1]:0");
   EXPECT_EQ(config.data_dir, (directory_.path() / "data").string());
+  EXPECT_EQ(config.store, "postgresql://rigcal@db/rigcal");
+  EXPECT_TRUE(config.store_unsafe);
   EXPECT_EQ(config.docs_dir, (directory_.path() / "html").string());
   EXPECT_EQ(config.log_level, "debug");
   const ServerLimits expected{.max_agents = 1,

@@ -56,7 +56,7 @@ std::string CountsText(const server::Store& store, std::string_view session_id =
 class StoreFixture : public ::testing::Test {
  protected:
   void SetUp() override { Open(); }
-  void Open();
+  virtual void Open();
   void Close() { store_.reset(); }
   void Reopen() {
     Close();

@@ -175,6 +175,11 @@ const Symptoms kSymptoms[] = {
      {FindingKind::kIntrinsicsFromPrior, FindingKind::kWrongIntrinsics}},
 };
 
+// A clock whose rate was estimated with another cause of error in its camera may run as it should.
+bool IsEstimatedRate(const Cause& cause) {
+  return cause.finding.kind == FindingKind::kClockDrift && cause.finding.unit == "ppm";
+}
+
 void DropSymptoms(std::vector<Cause>* causes) {
   for (const Symptoms& known : kSymptoms) {
     std::set<std::string> cameras;
@@ -188,6 +193,16 @@ void DropSymptoms(std::vector<Cause>* causes) {
              cameras.contains(cause.finding.camera);
     });
   }
+  std::set<std::string> spoilt;
+  for (const Cause& cause : *causes) {
+    if (IsCauseOfError(cause.finding.kind) && cause.finding.kind != FindingKind::kClockOffset &&
+        !IsEstimatedRate(cause)) {
+      spoilt.insert(cause.finding.camera);
+    }
+  }
+  std::erase_if(*causes, [&](const Cause& cause) {
+    return IsEstimatedRate(cause) && spoilt.contains(cause.finding.camera);
+  });
 }
 
 }  // namespace

@@ -210,16 +210,15 @@ int CareCommands::RunElsewhere(const std::string& store) const {
   const std::string place = PrintableLocation(store);
   std::string instead;
   if (backup_->parsed()) {
-    instead = absl::StrCat("`pg_dump --format=custom --file=FILE ", place,
+    instead = absl::StrCat("`pg_dump -F c -f FILE ", place,
                            "` copies it while the server runs (or pgbackrest, continuously); the "
                            "server's keys are in its data folder, in `identity`: copy that too");
   } else if (restore_->parsed()) {
-    instead = absl::StrCat(
-        "stop the server, and use `pg_restore --clean --if-exists --dbname=", place, " FILE`");
+    instead = absl::StrCat("stop the server, and use `pg_restore -c -d ", place, " FILE`");
   } else {
     instead = absl::StrCat(
         "PostgreSQL uses the space of what was deleted again by itself; to give it back to the "
-        "disk, stop the server and use `vacuumdb --full --dbname=",
+        "disk, stop the server and use `vacuumdb -f -d ",
         place, "`");
   }
   return Fail(absl::FailedPreconditionError(absl::StrCat(

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <optional>
 #include <utility>
 
 #include "absl/status/statusor.h"
@@ -31,38 +33,69 @@ Finding AtLimit(const CameraDescription& camera, double delay_s) {
                           1e6 * delay_s, 1e3 * std::abs(delay_s) * camera.image_size_px.height)};
 }
 
-}  // namespace
-
-absl::Status TryLineDelays(const RigObservations& rig, RigSolveOptions* options,
-                           RigSolution* solution) {
-  const std::vector<bool> jitters = CamerasThatJitter(MeasureStampJitter(solution->built.problem));
-  if (std::ranges::count(jitters, false) == 0) return absl::OkStatus();
+// The solution with line delays where a rolling shutter stands out, of cameras that are not in
+// `without`; `options` become its own. None where nothing stands out or it cannot be solved so.
+// `solution` may be put away. CANCELLED.
+absl::StatusOr<std::optional<RigSolution>> SolveWithDelays(const RigObservations& rig,
+                                                           const std::vector<bool>& without,
+                                                           RigSolution* solution,
+                                                           RigSolveOptions* options) {
   std::vector<int> heights_px;
   for (const CameraDescription& camera : rig.index.cameras) {
     heights_px.push_back(camera.image_size_px.height);
   }
   std::vector<LineDelay> delays;
   const absl::StatusOr<std::vector<bool>> roll = FindRollingShutters(
-      solution->built.problem, heights_px, jitters, options->cancelled, &delays);
+      solution->built.problem, heights_px, without, options->cancelled, &delays);
   if (absl::IsCancelled(roll.status())) return roll.status();
-  if (!roll.ok() || roll->empty()) return absl::OkStatus();
-  RigSolveOptions with_delays = *options;
-  with_delays.estimate_line_delays = *roll;
+  if (!roll.ok() || roll->empty()) return std::nullopt;
   RigInitialization initial = InitializationFrom(*solution);
   for (size_t c = 0; c < roll->size(); ++c) {
     if ((*roll)[c]) initial.line_delay_s[c] += delays[c].line_delay_s;
   }
   const double share = InlierShare(solution->built.problem);
   PutAway(rig, *options, solution);
-  absl::StatusOr<RigSolution> tried = SolveRig(rig, initial.clocks, with_delays, &initial);
+  options->estimate_line_delays = *roll;
+  absl::StatusOr<RigSolution> tried = SolveRig(rig, initial.clocks, *options, &initial);
   if (tried.ok() && !tried->converged) {
     initial = InitializationFrom(*tried);
-    absl::StatusOr<RigSolution> further = SolveRig(rig, initial.clocks, with_delays, &initial);
+    absl::StatusOr<RigSolution> further = SolveRig(rig, initial.clocks, *options, &initial);
     if (further.ok()) tried = std::move(further);
   }
   if (absl::IsCancelled(tried.status())) return tried.status();
-  if (!tried.ok() || InlierShare(tried->built.problem) < share - kMayLoseMarkers)
-    return absl::OkStatus();
+  if (!tried.ok() || InlierShare(tried->built.problem) < share - kMayLoseMarkers) {
+    return std::nullopt;
+  }
+  return *std::move(tried);
+}
+
+std::vector<bool> JitterOf(const RigSolution& solution) {
+  return CamerasThatJitter(MeasureStampJitter(solution.built.problem));
+}
+
+}  // namespace
+
+absl::Status TryLineDelays(const RigObservations& rig, RigSolveOptions* options,
+                           RigSolution* solution) {
+  // Rolling shutters pull the target, so that a camera beside them seems to have stamps that
+  // jitter; and the other way round. What is left with all line delays free says which it is.
+  std::vector<bool> jitters = JitterOf(*solution);
+  RigSolveOptions with_delays = *options;
+  RIGCAL_ASSIGN_OR_RETURN(std::optional<RigSolution> tried,
+                          SolveWithDelays(rig, {}, solution, &with_delays));
+  if (tried) {
+    if (const std::vector<bool> still = JitterOf(*tried); std::ranges::count(still, true) > 0) {
+      jitters = still;
+      tried.reset();
+    }
+  }
+  const auto jitter_count = std::ranges::count(jitters, true);
+  if (!tried && jitter_count > 0 && jitter_count < std::ssize(jitters)) {
+    with_delays = *options;
+    TakeBack(rig, *options, solution);
+    RIGCAL_ASSIGN_OR_RETURN(tried, SolveWithDelays(rig, jitters, solution, &with_delays));
+  }
+  if (!tried) return absl::OkStatus();
   *options = std::move(with_delays);
   *solution = *std::move(tried);
   return absl::OkStatus();

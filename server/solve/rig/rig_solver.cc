@@ -100,17 +100,17 @@ class RigSolver {
       RIGCAL_RETURN_IF_ERROR(Adjust(round, exact_));
       const int flipped = is_last || labels_at_rest ? 0 : FlipWrongLabels();
       const int changed = ClassifyOutliers(&problem());
-      const bool held_delays =
-          HoldLongLineDelays(longest_line_delay_s_, solution_.line_delay_s, &problem()) > 0;
       if (held_clocks_.HoldsOthers()) held_clocks_.LetFollow(&problem());
       const ClockMovement moved = FindClockMovement(problem());
       const bool at_rest = done || moved.s < kTimeToleranceS || moved.px < tolerance_px;
-      const bool settled =
-          flipped == 0 && changed <= max_changed && !rough_centres && !held_delays && at_rest;
+      const bool is_next_last = round + 2 == max_rounds;
+      const bool ready = flipped == 0 && changed <= max_changed && !rough_centres && at_rest;
+      // Not on the way: they may go too far and come back.
+      const bool held_delays = (ready || is_next_last) && HoldLongDelays();
+      const bool settled = ready && !held_delays;
       done = settled && (exact_ || options_.rough);
       solution_.converged = done && !held_clocks_.HoldsOthers();
       if (solution_.converged || is_last) break;
-      const bool is_next_last = round + 2 == max_rounds;
       const bool near_rest = settled || moved.s < kExactBelow * kTimeToleranceS ||
                              moved.px < kExactBelow * tolerance_px;
       exact_ = !options_.rough && (exact_ || near_rest || is_next_last);
@@ -163,6 +163,18 @@ class RigSolver {
     }
     for (size_t t = 0; t < rig_.tracks.size(); ++t) SetLineDelayOfTrack(t);
   }
+  // Whether any was held.
+  bool HoldLongDelays() {
+    if (HoldLongLineDelays(longest_line_delay_s_, solution_.line_delay_s, &problem()) == 0) {
+      return false;
+    }
+    at_limit_.resize(problem().cameras.size(), false);
+    for (size_t c = 0; c < options_.estimate_line_delays.size(); ++c) {
+      const bool is_held = problem().cameras[c].line_delay_fixed;
+      at_limit_[c] = options_.estimate_line_delays[c] && is_held;
+    }
+    return true;
+  }
   void SetLineDelayOfTrack(size_t track) {
     if (rig_.tracks[track].is_static) return;
     const auto camera = static_cast<size_t>(rig_.index.camera_of_track[track]);
@@ -203,8 +215,8 @@ class RigSolver {
     }
     for (size_t c = 0; c < options_.estimate_line_delays.size(); ++c) {
       BundleCamera& camera = problem().cameras[c];
-      camera.line_delay_fixed = !options_.estimate_line_delays[c] ||
-                                IsAtLimit(solution_.line_delay_s[c], longest_line_delay_s_[c]);
+      camera.line_delay_fixed =
+          !options_.estimate_line_delays[c] || (c < at_limit_.size() && at_limit_[c]);
       camera.prior_line_delay_s = -solution_.line_delay_s[c];
       camera.line_delay_sigma_s = kWeakLineDelaySigmaS;
     }
@@ -395,6 +407,7 @@ class RigSolver {
   std::vector<std::vector<uint8_t>> flip_counts_;  // by track and observation
   bool exact_ = false;                             // the next adjustment
   std::vector<double> longest_line_delay_s_;       // by camera
+  std::vector<bool> at_limit_;                     // by camera: held there
   HeldClocks held_clocks_;
 };
 

@@ -329,7 +329,8 @@ absl::StatusOr<RigSolution> SolveOnTrajectory(const RigObservations& rig,
   for (int round = 0;; ++round) {
     bundle.function_tolerance = round == 0 ? kPathCoarseTolerance : kPathTolerance;
     RIGCAL_ASSIGN_OR_RETURN(fit.summary, AdjustTrajectory(bundle, &fit.problem));
-    const int held = HoldLongLineDelays(longest_s, solution.line_delay_s, &fit.problem.rows);
+    const int held =
+        round == 0 ? 0 : HoldLongLineDelays(longest_s, solution.line_delay_s, &fit.problem.rows);
     if (round + 1 == kMaxPathRounds) break;
     if (ClassifyOutliersOfPath(bundle, &fit.problem) + held == 0 && round > 0) break;
   }

@@ -59,7 +59,7 @@ StoreHealth PostgresStore::Health() const {
 absl::Status PostgresStore::Compact(const std::function<absl::Status(double)>&) {
   return absl::UnimplementedError(
       "PostgreSQL uses the space of what was deleted again by itself; to give it back to the disk, "
-      "stop this server and run `vacuumdb --full` on its database");
+      "stop this server and run `vacuumdb -f` on its database");
 }
 
 void PostgresStore::NoteForeignNumbers(SqlDatabase& database) {

@@ -120,6 +120,7 @@ absl::Status Measure(const SimulatedWorld& world, const StatedOptions& options,
   trial->covariance_mm = 1e3 * error->by_covariance_m;
   trial->lenses_mm = 1e3 * error->with_lenses_m;
   trial->stated_mm = 1e3 * error->StatedM();
+  trial->bound_mm = 1e3 * error->BoundM();
   trial->basis = error->Basis();
   trial->true_mm = 1e3 * TriangulationErrorM(truth, RigOf(result), places_m);
   trial->grade = result.quality.grade;

@@ -26,6 +26,7 @@ struct StatedTrial {
   absl::Status status;
   double covariance_mm = 0;    // as if kept lenses were exact
   double lenses_mm = 0;        // with what they are off
+  double bound_mm = 0;  // and what it is below with a probability of 95 %
   double stated_mm = 0;        // with what the folds add: the headline's
   double live_mm = 0;          // of a running estimate of the same rows; 0: none
   double true_mm = 0;          // of the calibration

@@ -14,6 +14,7 @@ constexpr int kMaxCourseRounds = 3;
 // Of a clock that is followed: what its camera's error must lose, and another one's may gain.
 constexpr double kMinCourseGain = 0.05, kMayLose = 0.05;
 constexpr double kOutlierPx = 10;
+constexpr double kFewLost = 0.02;  // of a camera's markers
 
 // Markers of a camera that took part in the solve.
 double MarkerCount(const CalibratedCamera& camera) {
@@ -21,12 +22,14 @@ double MarkerCount(const CalibratedCamera& camera) {
 }
 
 // Mean held-out error of a camera with so many markers; what is no inlier, an outlier or a part of
-// no instant, as the 10 px beyond which it says nothing.
+// no instant, as the 10 px beyond which it says nothing. A few of these at the ends of the
+// recording and of the image say nothing either.
 double ErrorOfAllPx(const CalibratedCamera& camera, double marker_count) {
-  const double share = camera.residuals.inlier.marker_count / std::max(1.0, marker_count);
+  const double lost = 1 - camera.residuals.inlier.marker_count / std::max(1.0, marker_count);
+  const double counted = std::max(0.0, lost - kFewLost);
   const double mean_px =
       camera.held_out ? camera.held_out->mean_px : camera.residuals.inlier.mean_px;
-  return share * mean_px + (1 - share) * kOutlierPx;
+  return (1 - counted) * mean_px + counted * kOutlierPx;
 }
 
 // One camera clearly, and no other one worse. Both results have the same cameras.

@@ -18,7 +18,7 @@ namespace {
 
 constexpr size_t kMaxListedFaults = 1000;
 constexpr uint64_t kProgressBatches = 512;
-// Read at once; a batch has at most some megabytes.
+// Read at once: a batch is a few megabytes at most.
 constexpr int kCheckedBatches = 16;
 
 // What the batches of a camera hold.

@@ -11,7 +11,7 @@
 namespace rigcal::server {
 namespace {
 
-// Read at once; a batch has at most some megabytes.
+// Read at once: a batch is a few megabytes at most.
 constexpr int kBatchesAtOnce = 16;
 
 // The columns in the order of their kinds: numbers, texts, blobs.

@@ -29,22 +29,6 @@ class EnvelopeCholesky {
   Eigen::VectorXd Solve(const Eigen::VectorXd& right) const;
   Eigen::MatrixXd Inverse() const;
 
-  // Elements of the inverse where the matrix itself is not zero, without the others (Takahashi,
-  // Fagan and Chin 1973, "Formation of a sparse bus impedance matrix and its application to short
-  // circuit study"). Costs about as much as the factor.
-  class SelectedInverse {
-   public:
-    double operator()(Eigen::Index row, Eigen::Index column) const;
-
-   private:
-    friend class EnvelopeCholesky;
-    Eigen::MatrixXd whole_;  // where the matrix is not reordered
-    std::vector<Eigen::Index> place_;
-    std::vector<Eigen::Index> first_;
-    std::vector<Eigen::MatrixXd> rows_;
-  };
-  SelectedInverse InvertWhereSet() const;
-
  private:
   bool Order(const Eigen::Ref<const Eigen::MatrixXd>& lower);
   void Fill(const Eigen::Ref<const Eigen::MatrixXd>& lower);

@@ -37,6 +37,7 @@
 #include "common/text/printable.h"
 #include "common/wire/protocol_version.h"
 #include "common/wire/server_access.h"
+#include "common/wire/server_list.h"
 
 namespace rigcal::agent {
 namespace {
@@ -80,7 +81,8 @@ struct Flags {
 void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option("--config", flags.config, "TOML file; flags override it");
   app.add_option("--server", flags.server,
-                 "HOST:PORT of the server [the one joined, or this PC's]");
+                 "HOST:PORT of the server, or several with commas between, of which the one that "
+                 "answers is used [the one joined, or this PC's]");
   app.add_option("--rig", flags.rig, "Rig the cameras belong to [rig]");
   app.add_option("--agent-id", flags.agent_id,
                  "Name of this agent [the host's name; kept in the state directory]");
@@ -268,12 +270,15 @@ absl::StatusOr<int> RunAgent(const Flags& flags, sigset_t signals) {
   if (config.server == AgentConfig().server && flags.server.empty()) {
     config.server = wire::DefaultServerAddress(files);
   }
-  RIGCAL_RETURN_IF_ERROR(OfFile(wire::CredentialsFor(config.server, files).status()));
+  RIGCAL_ASSIGN_OR_RETURN(const wire::ServerList servers, wire::ServerList::Parse(config.server));
+  for (const std::string& server : servers.servers()) {
+    RIGCAL_RETURN_IF_ERROR(OfFile(wire::CredentialsFor(server, files).status()));
+  }
 
   RIGCAL_ASSIGN_OR_RETURN(auto offers, MakeOffers(flags, config, &sources));
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<ObservationSpool> spool, MakeSpool(config));
   UplinkOptions options;
-  options.server = config.server;
+  options.servers = servers;
   options.agent_id = identity.agent_id;
   options.incarnation = identity.incarnation;
   options.stream_epoch = identity.stream_epoch;
@@ -286,10 +291,11 @@ absl::StatusOr<int> RunAgent(const Flags& flags, sigset_t signals) {
   options.learning.folder = std::filesystem::path(config.state_dir) / "detectors";
   Uplink* running = nullptr;
   RenewalThread renewal(folder, RenewalEvents(&running));
-  const auto make_channel = [server = config.server, files, &renewal] {
+  const auto make_channel = [of_several = servers.size() > 1, files,
+                             &renewal](const std::string& server) {
     // A server that refuses the certificate closes the connection without a word.
     renewal.AskSoon();
-    return Uplink::MakeChannel(server, files);
+    return Uplink::MakeChannel(server, files, of_several);
   };
   RIGCAL_ASSIGN_OR_RETURN(const auto uplink,
                           Uplink::Create(std::move(options), std::move(sources), spool.get(),

@@ -19,6 +19,7 @@ ExitCode RunCommandLine(const std::vector<std::string>& arguments, Console& cons
   AddRigCommands(parser);
   AddTriangulateCommand(parser);
   AddIdentityCommands(parser);
+  AddServerCommands(parser);
   auto [doctor, options] = parser.AddCommand(
       nullptr, "doctor",
       "Look for what is wrong: connection, versions, disk, agents, cameras, sessions", RunDoctor);

@@ -24,6 +24,7 @@
 #include "common/config/server_config.h"
 #include "common/discovery/discovery.h"
 #include "common/failpoint/failpoint.h"
+#include "common/identity/join_string.h"
 #include "common/log/level_signals.h"
 #include "common/log/start_log.h"
 #include "common/service/service_notice.h"
@@ -48,8 +49,11 @@
 #include "server/rpc/rpc_server.h"
 #include "server/session/agent_registry.h"
 #include "server/session/monitor_settings.h"
+#include "server/session/utc_clock.h"
 #include "server/store/factory/open_store.h"
+#include "server/store/server_roster.h"
 #include "server/store/sqlite/data_directory.h"
+#include "server/turn/wait_for_turn.h"
 
 namespace rigcal::server {
 namespace {
@@ -142,16 +146,16 @@ RpcServerOptions RpcOptions(const ServerConfig& config,
         "raise its limit (ulimit -n)",
         connections, limits.max_connections);
   }
-  return {.listen_address = config.listen,
-          .socket_file = SocketFile(config),
-          .identity_folder = identity_folder,
-          .listener = {.plain_loopback = HasOpenLoopback(config),
-                       .limits = {.total = connections,
-                                  .per_address = limits.max_connections_per_address}},
+  return {.endpoint = {.listen_address = config.listen,
+                       .socket_file = SocketFile(config),
+                       .identity_folder = identity_folder,
+                       .listener = {.plain_loopback = HasOpenLoopback(config),
+                                    .limits = {.total = connections,
+                                               .per_address = limits.max_connections_per_address}},
+                       .memory_limit_bytes = size_t{limits.rpc_memory_mb} << 20},
           // More than agents, for streams that are being replaced.
           .agents = {.max_streams = size_t{limits.max_agents} + 64},
           .readers = {.max_readers = limits.max_readers},
-          .memory_limit_bytes = size_t{limits.rpc_memory_mb} << 20,
           .ingest_queue_limit_bytes = size_t{limits.ingest_queue_mb} << 20};
 }
 
@@ -262,7 +266,96 @@ absl::StatusOr<std::unique_ptr<DataDirectory>> OpenFolderBeside(const ServerConf
   return DataDirectory::Open(config.data_dir);
 }
 
-absl::Status Serve(const ServerConfig& config, const Flags& flags) {
+// HOST:PORT where others reach a port that listens on `listen`.
+std::string AddressForOthers(const std::string& listen, int port) {
+  std::string host;
+  uint16_t listen_port = 0;
+  if (!SplitHostPort(listen, &host, &listen_port)) return listen;
+  const std::vector<std::string> hosts = ReachableHosts(host);
+  return JoinHostPort(hosts.empty() ? host : hosts.front(),
+                      port == 0 ? listen_port : static_cast<uint16_t>(port));
+}
+
+// `listen` with this port.
+std::string AddressOn(const std::string& listen, int port) {
+  std::string host;
+  uint16_t ignored = 0;
+  return SplitHostPort(listen, &host, &ignored) ? JoinHostPort(host, static_cast<uint16_t>(port))
+                                                : listen;
+}
+
+// As the other servers of the store, and people, are told of this one. The ports may not be known
+// yet.
+ServerEntry OwnEntry(const ServerConfig& config, int port, const WebServer* web) {
+  std::array<char, 256> host{};
+  gethostname(host.data(), host.size() - 1);
+  ServerEntry entry{.host = host.data(),
+                    .address = AddressForOthers(config.listen, port),
+                    .version = std::string(wire::kSoftwareVersion),
+                    .start_utc_ns = UtcNowNs({})};
+  if (web != nullptr) {
+    const bool plain = web->LocalUrl().starts_with("http://");
+    entry.page = absl::StrCat(plain ? "http://" : "https://",
+                              AddressForOthers(config.listen, web->port()), "/");
+  }
+  return entry;
+}
+
+// The servers of a database elsewhere, with this one, and the files that they share.
+struct Neighbours {
+  std::unique_ptr<ServerRoster> roster;  // null: this server has its store for itself
+  std::unique_ptr<SharedFiles> files;
+};
+
+absl::StatusOr<Neighbours> FindNeighbours(const ServerConfig& config) {
+  if (config.store.empty()) return Neighbours();
+  Neighbours neighbours;
+  RIGCAL_ASSIGN_OR_RETURN(neighbours.roster,
+                          OpenServerRoster(config.store, {.unsafe = config.store_unsafe},
+                                           OwnEntry(config, 0, nullptr)));
+  neighbours.files = std::make_unique<SharedFiles>(config.data_dir, neighbours.roster.get());
+  return neighbours;
+}
+
+// What a server that waits answers with at its ports.
+absl::StatusOr<WaitingPorts> OpenWaitingPorts(const ServerConfig& config, const Flags& flags,
+                                              ServerRoster* roster, AuditLog* audit,
+                                              const Refusal& refusal) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path identity, PrepareIdentity(config));
+  WaitingPorts ports;
+  ports.rpc =
+      std::make_unique<RefusingServer>(RpcOptions(config, identity).endpoint, audit, refusal);
+  RIGCAL_ASSIGN_OR_RETURN(const int port, ports.rpc->Start());
+  const auto notice = [roster] {
+    WaitingNotice result{.message = "Another server of this database answers.", .active_page = ""};
+    for (const ServerEntry& server : roster->List()) {
+      if (server.active) result.active_page = server.page;
+    }
+    return result;
+  };
+  RIGCAL_ASSIGN_OR_RETURN(ports.web, WebServer::Open({.data_dir = config.data_dir,
+                                                      .grpc_listen = config.listen,
+                                                      .https_listen = config.https.listen,
+                                                      .hosts = HostsOf(config.https.hosts),
+                                                      .plain_loopback = HasOpenLoopback(config),
+                                                      .waiting = notice}));
+  RIGCAL_RETURN_IF_ERROR(ports.web->Start(port, {}));
+  ports.rpc_port = port;
+  if (!flags.http_port_file.empty()) {
+    RIGCAL_RETURN_IF_ERROR(WritePortFile(flags.http_port_file, ports.web->port()));
+  }
+  if (!flags.port_file.empty()) RIGCAL_RETURN_IF_ERROR(WritePortFile(flags.port_file, port));
+  RIGCAL_RETURN_IF_ERROR(roster->Describe(OwnEntry(config, port, ports.web.get())));
+  return ports;
+}
+
+// How a run of the server has ended.
+enum class End {
+  kStopped,
+  kReplaced,  // another server writes: this one may wait for its turn again
+};
+
+absl::StatusOr<End> Serve(ServerConfig& config, const Flags& flags) {
   const sigset_t signals = BlockSignals(!flags.config_file.empty());
   const std::string& port_file = flags.port_file;
   const std::string& http_port_file = flags.http_port_file;
@@ -273,19 +366,39 @@ absl::Status Serve(const ServerConfig& config, const Flags& flags) {
   RIGCAL_ASSIGN_OR_RETURN(const auto worker, FindWorker());
   RIGCAL_ASSIGN_OR_RETURN(const auto folder, OpenFolderBeside(config));
   const std::string& location = config.store.empty() ? config.data_dir : config.store;
+  const std::filesystem::path data_dir = config.data_dir;
+  AuditLog audit(data_dir / "audit.jsonl");
+  RIGCAL_ASSIGN_OR_RETURN(const Neighbours neighbours, FindNeighbours(config));
+  ServerRoster* const roster = neighbours.roster.get();
+  WaitEnd turn;
+  if (roster != nullptr) {
+    RIGCAL_ASSIGN_OR_RETURN(
+        turn, WaitForTurn(roster, neighbours.files.get(), signals,
+                          [&](const Refusal& refusal) -> absl::StatusOr<WaitingPorts> {
+                            RIGCAL_ASSIGN_OR_RETURN(
+                                WaitingPorts ports,
+                                OpenWaitingPorts(config, flags, roster, &audit, refusal));
+                            // Any free port: the one that others know of by now.
+                            config.listen = AddressOn(config.listen, ports.rpc_port);
+                            return ports;
+                          }));
+    if (turn.signal > 0) return End::kStopped;
+  }
   RIGCAL_ASSIGN_OR_RETURN(
       const auto store,
       OpenStore(location, {.min_free_bytes = uint64_t{limits.disk_reserve_mb} << 20,
-                           .unsafe = config.store_unsafe}));
+                           .unsafe = config.store_unsafe,
+                           .server = roster == nullptr ? "" : roster->own_id(),
+                           .silent_owner = turn.silent_owner}));
+  // What another server has written until it lost its turn.
+  if (roster != nullptr) RIGCAL_RETURN_IF_ERROR(neighbours.files->Fetch().status());
   if (!config.store.empty()) {
     spdlog::info("sessions and calibrations are in {}", PrintableLocation(location));
   }
   RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path identity, PrepareIdentity(config));
-  const std::filesystem::path data_dir = config.data_dir;
   RIGCAL_ASSIGN_OR_RETURN(const auto registry,
                           AgentRegistry::Open({.file = data_dir / "agents.json"}));
   RIGCAL_ASSIGN_OR_RETURN(const auto monitors, MonitorSettings::Open(data_dir / "monitors.json"));
-  AuditLog audit(data_dir / "audit.jsonl");
   AgentDirectory directory({.max_connected_agents = limits.max_agents,
                             .max_cameras_per_agent = limits.max_cameras_per_agent});
   RIGCAL_ASSIGN_OR_RETURN(
@@ -369,7 +482,8 @@ absl::Status Serve(const ServerConfig& config, const Flags& flags) {
                                                .identities = web->authority(),
                                                .retention = &retention,
                                                .live = &live,
-                                               .monitors = monitors.get()});
+                                               .monitors = monitors.get(),
+                                               .roster = roster});
 
   coordinator->Start();
   live.Start();
@@ -379,6 +493,8 @@ absl::Status Serve(const ServerConfig& config, const Flags& flags) {
   monitor.Start();
   retention.Start();
   RIGCAL_ASSIGN_OR_RETURN(const int port, rpc.Start());
+  // Where it serves when its turn comes again.
+  config.listen = AddressOn(config.listen, port);
   const std::unique_ptr<ApiGateway> gateway = rpc.MakeApiGateway();
   // It uses what is gone after a failed start.
   const absl::Cleanup stop_web = [&] { web->Shutdown(); };
@@ -407,6 +523,10 @@ absl::Status Serve(const ServerConfig& config, const Flags& flags) {
   if (IsNetworked(config)) TellWhoNeedsNoCertificate(config);
   if (web->authority() != nullptr) TellHowToJoin(*web);
   auto announcement = Announce(config, port, web.get());
+  if (roster != nullptr) {
+    RIGCAL_RETURN_IF_ERROR(neighbours.files->Publish());
+    RIGCAL_RETURN_IF_ERROR(roster->Describe(OwnEntry(config, port, web.get())));
+  }
 
   TellReady(
       absl::StrCat("accepts calls at port ", port, ", the dashboard is at ", web->LocalUrl()));
@@ -415,15 +535,25 @@ absl::Status Serve(const ServerConfig& config, const Flags& flags) {
     return now.log_level;
   };
   int received = 0;
+  const auto prove_alive = [&] {
+    store->Health();
+    ingest.Stats();
+  };
+  std::function<bool()> is_replaced;
+  if (roster != nullptr) is_replaced = [&store] { return store->Health().replaced; };
   do {
-    received = WaitForSignal(signals, [&] {
-      store->Health();
-      ingest.Stats();
-    });
-  } while (TakeLevelSignal(received, read_level));
-  TellStopping();
-  spdlog::info("stopping on signal {}", received);
+    received = WaitForSignal(signals, prove_alive, is_replaced);
+  } while (received != 0 && TakeLevelSignal(received, read_level));
+  const End end = received == 0 ? End::kReplaced : End::kStopped;
+  if (end == End::kReplaced) {
+    spdlog::warn("another server of {} writes now: this one waits for its turn again",
+                 PrintableLocation(location));
+  } else {
+    TellStopping();
+    spdlog::info("stopping on signal {}", received);
+  }
   announcement.reset();
+  if (roster != nullptr) neighbours.files->Stop();
   // In the order of the data flow: nothing more arrives, deliveries are written, then the rest.
   web->Shutdown();
   rpc.Shutdown(std::chrono::seconds(2));
@@ -435,7 +565,18 @@ absl::Status Serve(const ServerConfig& config, const Flags& flags) {
   runner->Shutdown();
   coordinator->Shutdown();
   spdlog::info("stopped");
-  return absl::OkStatus();
+  return end;
+}
+
+// Again and again where several servers of one database take turns.
+absl::Status ServeInTurns(ServerConfig config, const Flags& flags) {
+  while (true) {
+    const absl::StatusOr<End> end = Serve(config, flags);
+    if (end.ok() && *end == End::kStopped) return absl::OkStatus();
+    // Another one was the first to take over.
+    const bool waits_again = end.ok() || (absl::IsAborted(end.status()) && !config.store.empty());
+    if (!waits_again) return end.status();
+  }
 }
 
 // On stderr whatever the log level.
@@ -510,7 +651,7 @@ int Run(int argc, char** argv) {
     status = SetLogLevel(config->log_level);
     if (status.ok() && care.chosen()) return care.Run(config->data_dir, config->store);
     if (status.ok()) status = SetLogFormat(config->log_format);
-    if (status.ok()) status = Serve(*config, flags);
+    if (status.ok()) status = ServeInTurns(*config, flags);
   }
   return status.ok() ? 0 : Refuse(status, 1);
 }

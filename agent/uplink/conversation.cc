@@ -91,8 +91,7 @@ absl::Status Conversation::Handle(const v1::ConnectResponse& message, Clock::tim
       HandleStartCapture(message.start_capture());
       break;
     case v1::ConnectResponse::kStopCapture:
-      spdlog::info("server {}: session {} stops", options_.server,
-                   message.stop_capture().session_id());
+      spdlog::info("server {}: session {} stops", server_, message.stop_capture().session_id());
       live_sessions_.erase(message.stop_capture().session_id());
       for (const auto& [name, pipeline] : *agent_.cameras) {
         pipeline->End(message.stop_capture().session_id());
@@ -112,15 +111,15 @@ absl::Status Conversation::Handle(const v1::ConnectResponse& message, Clock::tim
       break;
     case v1::ConnectResponse::MESSAGE_NOT_SET:
       // A server one minor version newer may send kinds that are not known here.
-      spdlog::debug("server {}: a message of a kind that is not known here", options_.server);
+      spdlog::debug("server {}: a message of a kind that is not known here", server_);
   }
   return absl::OkStatus();
 }
 
 absl::Status Conversation::HandleHello(const v1::ServerHello& hello) {
   if (greeted_) return absl::InternalError("the server sent two hellos");
-  RIGCAL_RETURN_IF_ERROR(wire::CheckProtocolVersion(absl::StrCat("server ", options_.server),
-                                                    hello.protocol_version()));
+  RIGCAL_RETURN_IF_ERROR(
+      wire::CheckProtocolVersion(absl::StrCat("server ", server_), hello.protocol_version()));
   if (static_cast<size_t>(hello.positions_size()) != pending_.size()) {
     return absl::InternalError(absl::StrCat("the server's hello gives ", hello.positions_size(),
                                             " positions for ", pending_.size(),
@@ -130,12 +129,12 @@ absl::Status Conversation::HandleHello(const v1::ServerHello& hello) {
     spdlog::warn(
         "server {}: its store has changed ({}, was {}); observations that only the old one had "
         "are not sent again",
-        options_.server, hello.server_id(), agent_.server_id);
+        server_, hello.server_id(), agent_.server_id);
   }
   agent_.server_id = hello.server_id();
   greeted_ = true;
   takes_offers_ = hello.takes_offers();
-  spdlog::info("server {}: connected as {} (incarnation {}, connection {})", options_.server,
+  spdlog::info("server {}: connected as {} (incarnation {}, connection {})", server_,
                options_.agent_id, options_.incarnation, connection_);
   agent_.plan->BeginConnection(BatchRows(options_.max_batch_rows, hello));
   for (int i = 0; i < hello.positions_size(); ++i) {
@@ -147,7 +146,7 @@ absl::Status Conversation::HandleHello(const v1::ServerHello& hello) {
 void Conversation::HandlePreviewRequest(const v1::PreviewRequest& request) {
   const absl::StatusOr<PreviewRequest> asked = wire::FromProto(request);
   if (!asked.ok()) {
-    spdlog::warn("server {}: a request for a preview is refused: {}", options_.server,
+    spdlog::warn("server {}: a request for a preview is refused: {}", server_,
                  std::string(asked.status().message()));
     return;
   }
@@ -162,7 +161,7 @@ void Conversation::HandlePreviewRequest(const v1::PreviewRequest& request) {
 void Conversation::HandleDetectorRequest(const v1::DetectorRequest& request) {
   absl::StatusOr<DetectorRequest> asked = wire::FromProto(request);
   if (!asked.ok()) {
-    spdlog::warn("server {}: a request about a detector is refused: {}", options_.server,
+    spdlog::warn("server {}: a request about a detector is refused: {}", server_,
                  std::string(asked.status().message()));
     return;
   }
@@ -172,7 +171,7 @@ void Conversation::HandleDetectorRequest(const v1::DetectorRequest& request) {
 void Conversation::HandleChoiceRequest(const v1::ChoiceRequest& request) {
   absl::StatusOr<ChoiceRequest> asked = wire::FromProto(request);
   if (!asked.ok()) {
-    spdlog::warn("server {}: a choice of a camera is refused: {}", options_.server,
+    spdlog::warn("server {}: a choice of a camera is refused: {}", server_,
                  std::string(asked.status().message()));
     return;
   }
@@ -210,7 +209,7 @@ void Conversation::HandlePosition(const StreamKey& stream, const v1::StreamPosit
 void Conversation::HandleStartCapture(const v1::StartCapture& command) {
   const absl::StatusOr<Target> target = wire::FromProto(command.target());
   if (!target.ok()) {
-    spdlog::error("server {}: the target of session {} is refused: {}", options_.server,
+    spdlog::error("server {}: the target of session {} is refused: {}", server_,
                   command.session_id(), std::string(target.status().message()));
     return;
   }
@@ -218,7 +217,7 @@ void Conversation::HandleStartCapture(const v1::StartCapture& command) {
   for (const v1::StreamPosition& position : command.cameras()) {
     const absl::StatusOr<StreamKey> stream = wire::FromProto(position.stream());
     if (!stream.ok() || stream->session_id != command.session_id()) {
-      spdlog::error("server {}: a camera of session {} is refused: {}", options_.server,
+      spdlog::error("server {}: a camera of session {} is refused: {}", server_,
                     command.session_id(), stream.status().ToString());
       continue;
     }

@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -16,12 +17,14 @@
 #include "agent/offer/camera_offers.h"
 #include "agent/spool/delivery_plan.h"
 #include "agent/stamp/camera_pipeline.h"
+#include "common/wire/server_list.h"
 #include "rigcal/v1/ingest_service.pb.h"
 
 namespace rigcal::agent {
 
 struct UplinkOptions {
-  std::string server;  // its address, for messages
+  // Of which one answers at a time.
+  wire::ServerList servers = wire::ServerList::Of("");
   std::string agent_id;
   uint32_t incarnation = 1;   // grows at each start of the agent
   uint32_t stream_epoch = 1;  // of new observations; another one at each start
@@ -47,6 +50,9 @@ struct UplinkOptions {
   std::chrono::milliseconds refused_wait{30'000};
   // While the server has no room for what is sent.
   std::chrono::milliseconds longest_wait_for_room{5'000};
+  // With several servers, instead of the two above: one takes over within a second.
+  std::chrono::milliseconds hello_timeout_of_several{3'000};
+  std::chrono::milliseconds highest_wait_of_several{1'000};
 
   PreviewOptions previews;
   LearningOptions learning;
@@ -74,9 +80,14 @@ class Conversation {
 
   // `connection`: grows at each connection of this incarnation. `options` and `agent` must outlive
   // the conversation.
-  Conversation(const UplinkOptions& options, uint32_t connection, Agent* agent,
+  // `server` is the address of the server, for messages.
+  Conversation(const UplinkOptions& options, std::string server, uint32_t connection, Agent* agent,
                Clock::time_point now)
-      : options_(options), connection_(connection), agent_(*agent), start_(now) {}
+      : options_(options),
+        server_(std::move(server)),
+        connection_(connection),
+        agent_(*agent),
+        start_(now) {}
 
   // The first message.
   v1::ConnectRequest Hello();
@@ -115,6 +126,7 @@ class Conversation {
   CameraPipeline* PipelineOf(const std::string& camera) const;
 
   const UplinkOptions& options_;
+  const std::string server_;
   const uint32_t connection_;
   Agent& agent_;
   const Clock::time_point start_;

@@ -33,12 +33,14 @@ bool IsRefusal(absl::StatusCode code) {
 }  // namespace
 
 std::shared_ptr<grpc::Channel> Uplink::MakeChannel(const std::string& address,
-                                                   const wire::ClientIdentity& identity) {
+                                                   const wire::ClientIdentity& identity,
+                                                   bool of_several) {
+  const int keepalive_ms = of_several ? 2'000 : 10'000;
   grpc::ChannelArguments arguments;
   // The server is in the same network: a web proxy never leads to it.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 10'000);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10'000);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, keepalive_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, keepalive_ms);
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // Shared subchannels would make a fresh channel wait for the backoff of the one before.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -70,7 +72,10 @@ Uplink::Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory ma
       spool_(spool),
       make_channel_(std::move(make_channel)),
       plan_(spool, options_.flush_interval),
-      backoff_(options_.lowest_wait, options_.highest_wait, std::random_device{}()) {}
+      backoff_(options_.lowest_wait, options_.highest_wait, std::random_device{}()),
+      servers_(options_.servers) {
+  if (servers_.size() > 1) options_.hello_timeout = options_.hello_timeout_of_several;
+}
 
 void Uplink::Start() {
   for (const auto& [name, pipeline] : cameras_) pipeline->Start();
@@ -195,7 +200,7 @@ void Uplink::Run() {
     Backoff::Duration wait{0};
     const absl::Status fault = Guarded("the connection to the server", [&] {
       const LogScope scope({.correlation = NewCorrelationId()});
-      Conversation conversation(options_, ++connection_, &agent_, Clock::now());
+      Conversation conversation(options_, servers_.current(), ++connection_, &agent_, Clock::now());
       const absl::Status status = Serve(conversation);
       if (!status.ok() && !IsTimeToLeave()) wait = WaitAfter(conversation, status);
     });
@@ -216,7 +221,8 @@ void Uplink::Run() {
 }
 
 absl::Status Uplink::Serve(Conversation& conversation) {
-  UplinkConnection connection(make_channel_(), [this] { Wake(); });
+  UplinkConnection connection(make_channel_(servers_.current()), [this] { Wake(); });
+  active_server_.clear();
   // Nobody waits any more for what was asked for over an earlier connection.
   previews_->Forget();
   detectors_->Forget();
@@ -228,6 +234,7 @@ absl::Status Uplink::Serve(Conversation& conversation) {
       RIGCAL_RETURN_IF_ERROR(conversation.Handle(message, Clock::now()));
     }
     if (const auto result = connection.Result()) {
+      active_server_ = connection.ActiveServer();
       return result->ok() ? absl::UnavailableError("the server ended the stream") : *result;
     }
     RIGCAL_RETURN_IF_ERROR(conversation.CheckTimeouts(Clock::now()));
@@ -266,9 +273,12 @@ void Uplink::Leave(UplinkConnection& connection) {
 }
 
 Backoff::Duration Uplink::WaitAfter(const Conversation& conversation, const absl::Status& status) {
-  const std::string message = absl::StrCat("server ", options_.server, ": ", status.ToString());
+  const std::string server = servers_.current();
+  const std::string message = absl::StrCat("server ", server, ": ", status.ToString());
   if (conversation.IsGood(Clock::now())) backoff_.Reset();
-  const bool is_news = std::exchange(last_error_, message) != message || conversation.greeted();
+  const bool is_news =
+      std::exchange(last_error_[server], message) != message || conversation.greeted();
+  if (conversation.greeted()) servers_.Settle();
   if (conversation.greeted() && absl::IsInvalidArgument(status) && plan_.SuspectsFault()) {
     spdlog::error("{}", message);
     if (const auto given_up = plan_.OnProtocolFault(message)) {
@@ -283,12 +293,18 @@ Backoff::Duration Uplink::WaitAfter(const Conversation& conversation, const absl
     }
     return backoff_.Next();
   }
+  if (servers_.MoveOn(active_server_)) {
+    spdlog::log(is_news ? spdlog::level::warn : spdlog::level::debug, "{}; trying server {}",
+                message, servers_.current());
+    return Backoff::Duration(0);
+  }
   if (IsRefusal(status.code())) {
     spdlog::log(is_news ? spdlog::level::err : spdlog::level::debug, "{}; trying again in {} ms",
                 message, options_.refused_wait.count());
     return options_.refused_wait;
   }
   Backoff::Duration wait = backoff_.Next();
+  if (servers_.size() > 1) wait %= options_.highest_wait_of_several;
   // The server is there and has no room: it takes rows again as soon as it has.
   if (absl::IsResourceExhausted(status)) wait %= options_.longest_wait_for_room;
   spdlog::log(is_news ? spdlog::level::warn : spdlog::level::debug, "{}; trying again in {} ms",

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -37,19 +38,22 @@ struct LeftBehind {
   std::set<std::string> cameras;
 };
 
-// Keeps one stream to the server, and connects again for as long as the agent runs. Conversation
+// Keeps one stream to the server, or to the one of several that answers, and connects again for as
+// long as the agent runs. Conversation
 // decides what is sent over a connection and follows the server's commands. One thread does all of
 // it.
 class Uplink {
  public:
   // A fresh channel for each attempt, so that how often to try is decided here alone.
-  using ChannelFactory = std::function<std::shared_ptr<grpc::Channel>()>;
+  using ChannelFactory = std::function<std::shared_ptr<grpc::Channel>(const std::string& server)>;
 
   // A channel to `address` (HOST:PORT, or unix:PATH) with keepalive, for ChannelFactory. To another
   // machine with the files of `identity`, as they are now; where they cannot be used, that is
   // logged, and the channel gives INVALID_ARGUMENT.
+  // `of_several`: another server answers where this one is away, so that is found out soon.
   static std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address,
-                                                    const wire::ClientIdentity& identity = {});
+                                                    const wire::ClientIdentity& identity = {},
+                                                    bool of_several = false);
 
   // `spool` outlives the uplink. `sources` are the agent's cameras; `offers`, where there are any,
   // changes them while it runs. INVALID_ARGUMENT as for MakePipelines.
@@ -94,7 +98,7 @@ class Uplink {
   bool TakeReconnect();
   bool IsTimeToLeave() const;  // shutting down, and all is delivered or patience is at its end
 
-  const UplinkOptions options_;
+  UplinkOptions options_;
   ObservationSpool* const spool_;
   const ChannelFactory make_channel_;
   // Changed by thread_ alone, with this mutex, which others hold to read them.
@@ -109,7 +113,9 @@ class Uplink {
   Backoff backoff_;
   Conversation::Agent agent_;
   uint32_t connection_ = 0;
-  std::string last_error_;  // not to repeat it at each attempt
+  wire::ServerList servers_;
+  std::string active_server_;                      // as the last connection has named it
+  std::map<std::string, std::string> last_error_;  // by server, not to repeat it at each attempt
 
   mutable std::mutex mutex_;
   std::condition_variable woken_changed_;

@@ -8,6 +8,7 @@
 #include "common/log/correlation_id.h"
 #include "common/log/log_fields.h"
 #include "common/wire/grpc_status.h"
+#include "common/wire/server_list.h"
 
 namespace rigcal::agent {
 namespace {
@@ -71,6 +72,14 @@ std::optional<absl::Status> UplinkConnection::Result() const {
   const std::lock_guard lock(mutex_);
   if (!inbox_.empty()) return std::nullopt;
   return result_;
+}
+
+std::string UplinkConnection::ActiveServer() const {
+  const std::lock_guard lock(mutex_);
+  if (!result_) return "";
+  const auto& trailing = context_.GetServerTrailingMetadata();
+  const auto named = trailing.find(wire::kActiveServerKey);
+  return named == trailing.end() ? "" : std::string(named->second.data(), named->second.length());
 }
 
 void UplinkConnection::ResumeReadingLocked() {

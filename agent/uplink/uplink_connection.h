@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -38,6 +39,8 @@ class UplinkConnection : private grpc::ClientBidiReactor<v1::ConnectRequest, v1:
   std::vector<v1::ConnectResponse> TakeMessages();
   // Once the stream has ended and every received message is taken.
   std::optional<absl::Status> Result() const;
+  // Of a stream that has ended: the server to ask instead, as a waiting server names it.
+  std::string ActiveServer() const;
 
   // Tells the server that nothing more will be written.
   void FinishWriting();

@@ -10,6 +10,7 @@
 #include "common/command_line/command_line.h"
 #include "common/wire/protocol_version.h"
 #include "common/wire/server_access.h"
+#include "common/wire/server_list.h"
 
 namespace rigcal::client {
 namespace {
@@ -91,11 +92,13 @@ CommandParser::CommandParser(Console& console)
 }
 
 void CommandParser::AddServerOption(CLI::App* app) {
-  app->add_option("--server", server_,
-                  absl::StrCat("Address of rigcal-server; without it RIGCAL_SERVER, the server ",
-                               "you have joined, one of your own on this PC, or ",
-                               std::string(kDefaultServer)))
-      ->type_name("HOST:PORT");
+  app->add_option(
+         "--server", server_,
+         absl::StrCat("Address of rigcal-server, or several with commas between, of which ",
+                      "the one that answers is asked; without it RIGCAL_SERVER, the server ",
+                      "you have joined, one of your own on this PC, or ",
+                      std::string(kDefaultServer)))
+      ->type_name("HOST:PORT,...");
 }
 
 void CommandParser::AddFormatOption(CLI::App* app) {
@@ -132,7 +135,7 @@ CLI::App* CommandParser::AddCommand(CLI::App* parent, const std::string& name,
 ExitCode CommandParser::Run(const std::vector<std::string>& arguments) {
   AddVersionFlags(app_, std::string(wire::kSoftwareVersion));
   const absl::StatusOr<CommandLineTask> task = ParseCommandLine(app_, arguments, console_.out);
-  const absl::Status address = ValidateServerAddress(server_);
+  const absl::Status address = wire::ServerList::Parse(server_).status();
   if (!task.ok()) {
     console_.Message(std::string(task.status().message()));
     return ExitCode::kUsage;

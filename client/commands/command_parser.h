@@ -63,6 +63,7 @@ void AddCalibrationCommands(CommandParser& parser);
 void AddTriangulateCommand(CommandParser& parser);
 void AddIdentityCommands(CommandParser& parser);
 void AddRigCommands(CommandParser& parser);
+void AddServerCommands(CommandParser& parser);
 void AddLocalCommand(CommandParser& parser);
 
 // Options that several commands share. What cannot be read is a usage error naming the option.

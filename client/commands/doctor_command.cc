@@ -14,6 +14,7 @@
 #include "client/commands/redact.h"
 #include "client/net/paging.h"
 #include "client/output/quantities.h"
+#include "common/wire/server_list.h"
 #include "common/file/durable_file.h"
 #include "common/status/status_macros.h"
 
@@ -144,7 +145,7 @@ absl::Status WriteBundle(const DoctorOptions& options, const std::vector<Check>&
 
 ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context) {
   if (!options.server.empty()) {
-    if (const absl::Status valid = ValidateServerAddress(options.server); !valid.ok()) {
+    if (const absl::Status valid = wire::ServerList::Parse(options.server).status(); !valid.ok()) {
       context.Fail(valid);
       return ExitCode::kUsage;
     }

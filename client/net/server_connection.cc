@@ -5,8 +5,8 @@
 
 #include <future>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/net/unknown_id.h"
@@ -21,19 +21,22 @@ namespace {
 constexpr int kMaxMessageBytes = 64 << 20;
 // How long one attempt may take, and the pause before the next.
 constexpr int kConnectMs = 10'000;
+constexpr int kConnectToOneOfManyMs = 2'000;
 constexpr int kFirstPauseMs = 100;
 constexpr int kLastPauseMs = 1000;
 // Looked through for what an unknown id was meant to be.
 constexpr uint32_t kMostKnownIds = 500;
 
 std::shared_ptr<grpc::Channel> MakeChannel(
-    const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
+    const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials,
+    bool has_others) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstPauseMs);
   // In spite of its name: the least time given to an attempt.
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS,
+                   has_others ? kConnectToOneOfManyMs : kConnectMs);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLastPauseMs);
   // A name is looked up before each attempt; by default at most every 30 s, so that a server that
   // is back would not be found before.
@@ -67,88 +70,110 @@ constexpr char kAdvice[] =
 
 }  // namespace
 
-absl::Status ValidateServerAddress(std::string_view address) {
-  if (address.starts_with("unix:/")) return absl::OkStatus();
-  if (address.starts_with("http://") || address.starts_with("https://")) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "'", std::string(address), "' is the address of a page; give HOST:PORT without ",
-        std::string(address.substr(0, address.find("//") + 2)),
-        ", and the gRPC port (7420), not that of the dashboard"));
-  }
-  const size_t colon = address.rfind(':');
-  const std::string_view host = address.substr(0, colon);
-  uint32_t port = 0;
-  const bool bracketed = host.size() > 2 && host.front() == '[' && host.back() == ']';
-  if (colon == std::string_view::npos || host.empty() ||
-      (!bracketed && host.find_first_of(":[]/ ") != std::string_view::npos) ||
-      !absl::SimpleAtoi(std::string(address.substr(colon + 1)), &port) || port == 0 ||
-      port > 65535) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("'", std::string(address), "' is no server address; give HOST:PORT, such as ",
-                     std::string(kDefaultServer), " or [::1]:7420"));
-  }
-  return absl::OkStatus();
+ServerConnection::ServerConnection(const std::string& servers, const wire::ClientIdentity& identity)
+    : identity_(identity),
+      // What is no address is not reached, and the first call says so.
+      servers_(wire::ServerList::Parse(servers).value_or(wire::ServerList::Of(servers))),
+      link_(MakeLink(servers_.current())) {}
+
+std::shared_ptr<const ServerConnection::Link> ServerConnection::MakeLink(
+    const std::string& address) const {
+  auto credentials = wire::CredentialsFor(address, identity_);
+  auto channel =
+      MakeChannel(address, credentials.ok() ? *credentials : nullptr, servers_.size() > 1);
+  return std::make_shared<const Link>(Link{address, std::move(credentials), std::move(channel)});
 }
 
-ServerConnection::ServerConnection(const std::string& address, const wire::ClientIdentity& identity)
-    : address_(address),
-      identity_(identity),
-      credentials_(wire::CredentialsFor(address, identity)),
-      channel_(MakeChannel(address, credentials_.ok() ? *credentials_ : nullptr)) {}
+std::shared_ptr<const ServerConnection::Link> ServerConnection::link() const {
+  const std::lock_guard lock(mutex_);
+  return link_;
+}
+
+void ServerConnection::Settle() {
+  const std::lock_guard lock(mutex_);
+  servers_.Settle();
+}
+
+bool ServerConnection::MoveOn(const Link& link, const grpc::Status& status,
+                              const grpc::ClientContext& context) {
+  if (status.error_code() != grpc::StatusCode::UNAVAILABLE &&
+      status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED) {
+    return false;
+  }
+  const auto& trailing = context.GetServerTrailingMetadata();
+  const auto named = trailing.find(wire::kActiveServerKey);
+  const std::string active =
+      named == trailing.end() ? "" : std::string(named->second.data(), named->second.length());
+  const bool begun =
+      !absl::StartsWith(status.error_message(), wire::kNotActive) &&
+      !absl::StrContains(absl::AsciiStrToLower(status.error_message()), "failed to connect");
+  const std::lock_guard lock(mutex_);
+  // Another thread has moved on already.
+  if (link_.get() != &link) return !begun;
+  const bool next = servers_.MoveOn(active);
+  if (servers_.current() != link.address) link_ = MakeLink(servers_.current());
+  return next && !begun;
+}
 
 void ServerConnection::AddCorrelation(grpc::ClientContext* context) {
   context->AddMetadata(kCorrelationKey, OwnCorrelationId());
 }
 
-absl::Status ServerConnection::Explain(const grpc::Status& status,
+absl::Status ServerConnection::Explain(const Link& link, const grpc::Status& status,
                                        std::chrono::milliseconds timeout) const {
   const std::string cause = CauseOf(status.error_message());
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE &&
       absl::StrContains(status.error_message(), "http1.x")) {
     return absl::UnavailableError(
-        absl::StrCat(address_,
+        absl::StrCat(link.address,
                      " is an HTTP port, such as that of the dashboard; rigcal speaks gRPC, "
                      "which is at the port before it (7420 where the dashboard is at 7421)"));
   }
-  const bool plain =
-      wire::IsOnThisMachine(address_) && !address_.starts_with("unix:") && !identity_.Exists();
+  const bool plain = wire::IsOnThisMachine(link.address) && !link.address.starts_with("unix:") &&
+                     !identity_.Exists();
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE && plain &&
       (absl::StrContains(cause, "Socket closed") || absl::StrContains(cause, "reset by peer"))) {
     return absl::UnavailableError(absl::StrCat(
-        "the server at ", address_, " closes connections without a certificate (", cause,
+        "the server at ", link.address, " closes connections without a certificate (", cause,
         "). Where it is open to the network, only the user who runs it needs none, without "
         "--server; others join it: rigcal login STRING, with what `rigcal token create --role "
         "operator` prints for that user"));
   }
+  // A waiting server says so itself.
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE &&
+      absl::StartsWith(status.error_message(), wire::kNotActive)) {
+    return wire::FromGrpc(status);
+  }
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
-    if (const absl::Status why = WhyRefused(address_, identity_); !why.ok()) {
-      return absl::Status(why.code(),
-                          absl::StrCat("the server at ", address_, " does not let this user in (",
-                                       cause, "):\n", std::string(why.message())));
+    if (const absl::Status why = WhyRefused(link.address, identity_); !why.ok()) {
+      return absl::Status(
+          why.code(), absl::StrCat("the server at ", link.address, " does not let this user in (",
+                                   cause, "):\n", std::string(why.message())));
     }
     return absl::UnavailableError(
-        absl::StrCat("cannot reach the server at ", address_, " (", cause, "). ", kAdvice,
-                     wire::IsOnThisMachine(address_) ? "" : ". rigcal doctor says more"));
+        absl::StrCat("cannot reach the server at ", link.address, " (", cause, "). ", kAdvice,
+                     wire::IsOnThisMachine(link.address) ? "" : ". rigcal doctor says more"));
   }
   if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) {
     return absl::UnavailableError(
-        absl::StrFormat("the server at %s did not answer within %.3g s. %s", address_,
+        absl::StrFormat("the server at %s did not answer within %.3g s. %s", link.address,
                         static_cast<double>(timeout.count()) / 1000, kAdvice));
   }
   if (status.error_code() == grpc::StatusCode::UNIMPLEMENTED) {
     return absl::UnimplementedError(absl::StrCat(
-        "the server at ", address_, " does not know this call (", status.error_message(),
+        "the server at ", link.address, " does not know this call (", status.error_message(),
         "): it is another program or another version; rigcal doctor compares the versions"));
   }
   const absl::Status named = wire::FromGrpc(status);
-  if (absl::IsNotFound(named) && !named.message().empty()) return ExplainUnknownId(named);
+  if (absl::IsNotFound(named) && !named.message().empty()) return ExplainUnknownId(link, named);
   if (!named.message().empty()) return IsLogged(named.code()) ? WithCorrelation(named) : named;
   return WithCorrelation(absl::Status(
-      named.code(), absl::StrCat("the server at ", address_,
+      named.code(), absl::StrCat("the server at ", link.address,
                                  " refused: ", absl::StatusCodeToString(named.code()))));
 }
 
-absl::Status ServerConnection::ExplainUnknownId(const absl::Status& status) const {
+absl::Status ServerConnection::ExplainUnknownId(const Link& link,
+                                                const absl::Status& status) const {
   const UnknownId unknown = ParseUnknownId(std::string(status.message()));
   if (unknown.kind.empty()) return status;
   KnownIds known;
@@ -159,7 +184,7 @@ absl::Status ServerConnection::ExplainUnknownId(const absl::Status& status) cons
     v1::ListSessionsRequest request;
     request.set_page_size(kMostKnownIds);
     v1::ListSessionsResponse response;
-    if (!v1::SessionService::Stub(channel_).ListSessions(&context, request, &response).ok()) {
+    if (!v1::SessionService::Stub(link.channel).ListSessions(&context, request, &response).ok()) {
       return status;
     }
     for (const v1::Session& session : response.sessions()) known.sessions.push_back(session.id());
@@ -169,7 +194,9 @@ absl::Status ServerConnection::ExplainUnknownId(const absl::Status& status) cons
   v1::ListCalibrationsRequest request;
   request.set_page_size(kMostKnownIds);
   v1::ListCalibrationsResponse response;
-  if (!v1::CalibrationService::Stub(channel_).ListCalibrations(&context, request, &response).ok()) {
+  if (!v1::CalibrationService::Stub(link.channel)
+           .ListCalibrations(&context, request, &response)
+           .ok()) {
     return status;
   }
   for (const v1::Calibration& calibration : response.calibrations()) {
@@ -179,10 +206,11 @@ absl::Status ServerConnection::ExplainUnknownId(const absl::Status& status) cons
 }
 
 absl::StatusOr<std::string> ServerConnection::CheckHealth() {
-  if (!credentials_.ok()) return credentials_.status();
+  const std::shared_ptr<const Link> link = this->link();
+  if (!link->credentials.ok()) return link->credentials.status();
   using grpc::health::v1::HealthCheckRequest;
   using grpc::health::v1::HealthCheckResponse;
-  grpc::TemplatedGenericStub<HealthCheckRequest, HealthCheckResponse> stub(channel_);
+  grpc::TemplatedGenericStub<HealthCheckRequest, HealthCheckResponse> stub(link->channel);
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kCallTimeout);
   const HealthCheckRequest request;
@@ -192,7 +220,7 @@ absl::StatusOr<std::string> ServerConnection::CheckHealth() {
   stub.UnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::StubOptions(), &request, &response,
                  [done](grpc::Status status) { done->set_value(std::move(status)); });
   const grpc::Status status = done->get_future().get();
-  if (!status.ok()) return Explain(status, kCallTimeout);
+  if (!status.ok()) return Explain(*link, status, kCallTimeout);
   return HealthCheckResponse::ServingStatus_Name(response.status());
 }
 

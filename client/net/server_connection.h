@@ -6,6 +6,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -15,6 +16,7 @@
 #include "absl/status/statusor.h"
 #include "client/net/user_identity.h"
 #include "common/wire/server_access.h"
+#include "common/wire/server_list.h"
 #include "rigcal/v1/agent_service.grpc.pb.h"
 #include "rigcal/v1/calibration_service.grpc.pb.h"
 #include "rigcal/v1/camera_service.grpc.pb.h"
@@ -26,22 +28,23 @@ namespace rigcal::client {
 inline constexpr std::string_view kDefaultServer = "127.0.0.1:7420";
 inline constexpr std::chrono::milliseconds kCallTimeout{10'000};
 
-// INVALID_ARGUMENT unless `address` is HOST:PORT, with a port from 1 to 65535, or unix:/PATH.
-absl::Status ValidateServerAddress(std::string_view address);
-
 template <typename Stub, typename Request, typename Response>
 using UnaryMethod = grpc::Status (Stub::*)(grpc::ClientContext*, const Request&, Response*);
 
-// The services of one server. Connects with the first call; proxies named in the environment are
-// not used, a rig's server being on its own network. To another machine it uses the certificate of
-// this user, without which every call is FAILED_PRECONDITION. Thread safe.
+// The services of one server, or of the one of several that answers: a call that reached nobody, or
+// a server that waits for its turn, is made again to the next one. Connects with the first call;
+// proxies named in the environment are not used, a rig's server being on its own network. To
+// another machine it uses the certificate of this user, without which every call is
+// FAILED_PRECONDITION. Thread safe.
 class ServerConnection {
  public:
-  explicit ServerConnection(const std::string& address)
-      : ServerConnection(address, RenewedUserIdentity(address)) {}
-  ServerConnection(const std::string& address, const wire::ClientIdentity& identity);
+  // `servers` as wire::ServerList::Parse reads it.
+  explicit ServerConnection(const std::string& servers)
+      : ServerConnection(servers, RenewedUserIdentity(servers)) {}
+  ServerConnection(const std::string& servers, const wire::ClientIdentity& identity);
 
-  const std::string& address() const { return address_; }
+  // Of the server that is asked at the moment.
+  std::string address() const { return link()->address; }
 
   // A unary call with a deadline: `Call(&SessionService::Stub::GetSession, request)`. UNAVAILABLE:
   // the server cannot be reached, or does not answer in time; the message names it and says what to
@@ -52,14 +55,20 @@ class ServerConnection {
   absl::StatusOr<Response> Call(UnaryMethod<Stub, Request, Response> method,
                                 const std::type_identity_t<Request>& request,
                                 std::chrono::milliseconds timeout = kCallTimeout) {
-    if (!credentials_.ok()) return credentials_.status();
-    grpc::ClientContext context;
-    AddCorrelation(&context);
-    context.set_deadline(std::chrono::system_clock::now() + timeout);
-    Response response;
-    const grpc::Status status = (Stub(channel_).*method)(&context, request, &response);
-    if (!status.ok()) return Explain(status, timeout);
-    return response;
+    while (true) {
+      const std::shared_ptr<const Link> link = this->link();
+      if (!link->credentials.ok()) return link->credentials.status();
+      grpc::ClientContext context;
+      AddCorrelation(&context);
+      context.set_deadline(std::chrono::system_clock::now() + timeout);
+      Response response;
+      const grpc::Status status = (Stub(link->channel).*method)(&context, request, &response);
+      if (status.ok()) {
+        Settle();
+        return response;
+      }
+      if (!MoveOn(*link, status, context)) return Explain(*link, status, timeout);
+    }
   }
   // A call that names a resource and nothing else.
   template <typename Stub, typename Request, typename Response>
@@ -78,30 +87,34 @@ class ServerConnection {
                         grpc::ClientContext*, const Request&),
                     const std::type_identity_t<Request>& request, std::chrono::milliseconds timeout,
                     const std::function<bool(const std::type_identity_t<Message>&)>& each) {
-    if (!credentials_.ok()) return credentials_.status();
-    grpc::ClientContext context;
-    AddCorrelation(&context);
-    if (timeout.count() > 0) context.set_deadline(std::chrono::system_clock::now() + timeout);
-    Stub stub(channel_);
-    const auto reader = (stub.*method)(&context, request);
-    Message message;
-    bool any = false;
-    while (reader->Read(&message)) {
-      any = true;
-      if (each(message)) continue;
-      context.TryCancel();
-      // Read on until the library lets go of the stream; what still comes is not wanted.
+    while (true) {
+      const std::shared_ptr<const Link> link = this->link();
+      if (!link->credentials.ok()) return link->credentials.status();
+      grpc::ClientContext context;
+      AddCorrelation(&context);
+      if (timeout.count() > 0) context.set_deadline(std::chrono::system_clock::now() + timeout);
+      Stub stub(link->channel);
+      const auto reader = (stub.*method)(&context, request);
+      Message message;
+      bool any = false;
       while (reader->Read(&message)) {
+        if (!any) Settle();
+        any = true;
+        if (each(message)) continue;
+        context.TryCancel();
+        // Read on until the library lets go of the stream; what still comes is not wanted.
+        while (reader->Read(&message)) {
+        }
+        reader->Finish();
+        return absl::OkStatus();
       }
-      reader->Finish();
-      return absl::OkStatus();
+      const grpc::Status status = reader->Finish();
+      if (status.ok()) return absl::OkStatus();
+      if (any && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) {
+        return absl::DeadlineExceededError(status.error_message());
+      }
+      if (!MoveOn(*link, status, context) || any) return Explain(*link, status, timeout);
     }
-    const grpc::Status status = reader->Finish();
-    if (status.ok()) return absl::OkStatus();
-    if (any && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) {
-      return absl::DeadlineExceededError(status.error_message());
-    }
-    return Explain(status, timeout);
   }
 
   // A stream in both directions: messages of `next` out, until it returns false, from a thread of
@@ -111,10 +124,11 @@ class ServerConnection {
                             grpc::ClientContext*),
                         const std::function<bool(std::type_identity_t<Request>*)>& next,
                         const std::function<bool(const std::type_identity_t<Message>&)>& each) {
-    if (!credentials_.ok()) return credentials_.status();
+    const std::shared_ptr<const Link> link = this->link();
+    if (!link->credentials.ok()) return link->credentials.status();
     grpc::ClientContext context;
     AddCorrelation(&context);
-    Stub stub(channel_);
+    Stub stub(link->channel);
     const auto stream = (stub.*method)(&context);
     std::thread writer([&] {
       Request request;
@@ -133,7 +147,8 @@ class ServerConnection {
     writer.join();
     const grpc::Status status = stream->Finish();
     if (status.ok() || ended_early) return absl::OkStatus();
-    return Explain(status, std::chrono::milliseconds(0));
+    MoveOn(*link, status, context);
+    return Explain(*link, status, std::chrono::milliseconds(0));
   }
 
   // Asks the server's health service (grpc.health.v1) for the whole server: "SERVING",
@@ -141,16 +156,30 @@ class ServerConnection {
   absl::StatusOr<std::string> CheckHealth();
 
  private:
+  // The way to one server.
+  struct Link {
+    std::string address;
+    absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> credentials;
+    std::shared_ptr<grpc::Channel> channel;
+  };
+
   // Every call of this run of the program names the run's id, OwnCorrelationId().
   static void AddCorrelation(grpc::ClientContext* context);
-  absl::Status Explain(const grpc::Status& status, std::chrono::milliseconds timeout) const;
+  std::shared_ptr<const Link> MakeLink(const std::string& address) const;
+  std::shared_ptr<const Link> link() const;
+  void Settle();
+  // After a call over `link` that failed: the next call goes to another server. True: so can this
+  // one, which no server has begun.
+  bool MoveOn(const Link& link, const grpc::Status& status, const grpc::ClientContext& context);
+  absl::Status Explain(const Link& link, const grpc::Status& status,
+                       std::chrono::milliseconds timeout) const;
   // A session or calibration that does not exist: with what was probably meant, or what there is.
-  absl::Status ExplainUnknownId(const absl::Status& status) const;
+  absl::Status ExplainUnknownId(const Link& link, const absl::Status& status) const;
 
-  const std::string address_;
   const wire::ClientIdentity identity_;
-  const absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> credentials_;
-  const std::shared_ptr<grpc::Channel> channel_;
+  mutable std::mutex mutex_;
+  wire::ServerList servers_;
+  std::shared_ptr<const Link> link_;  // to servers_.current()
 };
 
 // The resource in a response.

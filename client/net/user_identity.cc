@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <string>
+#include <vector>
 
+#include "absl/strings/str_split.h"
 #include "common/enrolment/connection_refusal.h"
 #include "common/enrolment/join_server.h"
 #include "common/identity/identity_folder.h"
@@ -16,12 +19,16 @@ constexpr std::chrono::milliseconds kRenewalTimeout{2000};
 
 }  // namespace
 
-wire::ClientIdentity RenewedUserIdentity(const std::string& address) {
+wire::ClientIdentity RenewedUserIdentity(const std::string& servers) {
   const wire::ClientIdentity files = wire::ClientIdentity::OfUser();
   if (!files.Exists()) return files;
   const IdentityFolder folder = IdentityFolder::OfUser(UserConfigFolder());
   const absl::StatusOr<PeerIdentity> identity = folder.Load();
-  if (identity.ok() && std::ranges::find(identity->grpc, address) != identity->grpc.end()) {
+  const std::vector<std::string> addresses = absl::StrSplit(servers, ',');
+  const auto is_joined = [&](const std::string& address) {
+    return std::ranges::find(identity->grpc, address) != identity->grpc.end();
+  };
+  if (identity.ok() && std::ranges::any_of(addresses, is_joined)) {
     (void)KeepRenewed(folder, kRenewalTimeout).ok();
   }
   return files;

@@ -4,7 +4,11 @@
 #include <filesystem>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
+#include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
 
 namespace rigcal {
@@ -23,19 +27,29 @@ void AddLogFormat(std::string* format, OptionTable* table) {
   table->AddChoice("log_format", format, std::move(formats), "how the log is written");
 }
 
+namespace {
+
+absl::Status CheckAddress(const std::string& text, int lowest_port) {
+  // A client may name the socket file of a server on this machine.
+  if (lowest_port > 0 && text.starts_with("unix:/")) return absl::OkStatus();
+  const size_t colon = text.rfind(':');
+  int port = -1;
+  if (colon == std::string::npos || colon == 0 ||
+      !absl::SimpleAtoi(text.substr(colon + 1), &port) || port < lowest_port || port > 65535) {
+    return absl::InvalidArgumentError("must be HOST:PORT, such as 127.0.0.1:7420");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
 void AddAddress(std::string name, std::string* address, int lowest_port, std::string meaning,
                 OptionTable* table) {
   const auto read = [address, lowest_port](const std::string& text) {
-    const size_t colon = text.rfind(':');
-    int port = -1;
-    // A client may name the socket file of a server on this machine.
-    if (lowest_port > 0 && text.starts_with("unix:/")) {
-      *address = text;
-      return absl::OkStatus();
-    }
-    if (colon == std::string::npos || colon == 0 ||
-        !absl::SimpleAtoi(text.substr(colon + 1), &port) || port < lowest_port || port > 65535) {
-      return absl::InvalidArgumentError("must be HOST:PORT, such as 127.0.0.1:7420");
+    const char separator = lowest_port > 0 ? ',' : '\0';
+    for (const absl::string_view part : absl::StrSplit(text, separator)) {
+      RIGCAL_RETURN_IF_ERROR(
+          CheckAddress(std::string(absl::StripAsciiWhitespace(part)), lowest_port));
     }
     *address = text;
     return absl::OkStatus();

@@ -11,7 +11,8 @@ namespace rigcal {
 void AddLogLevel(std::string* level, OptionTable* table);
 // "log_format"
 void AddLogFormat(std::string* format, OptionTable* table);
-// HOST:PORT with a port of `lowest_port` to 65535; unless that is 0, also unix:/PATH.
+// HOST:PORT with a port of `lowest_port` to 65535; unless that is 0, also unix:/PATH, and several
+// with commas between.
 void AddAddress(std::string name, std::string* address, int lowest_port, std::string meaning,
                 OptionTable* table);
 // As ValidateName.

@@ -4,6 +4,7 @@
 #include <systemd/sd-daemon.h>
 #include <time.h>
 
+#include <algorithm>
 #include <cstdint>
 
 #include "absl/strings/str_cat.h"
@@ -12,6 +13,7 @@ namespace rigcal {
 namespace {
 
 constexpr uint64_t kMicrosecondsPerSecond = 1'000'000;
+constexpr uint64_t kLookMicroseconds = 500'000;
 
 // Zero: nobody waits for signs of life.
 uint64_t WatchdogMicroseconds() {
@@ -35,17 +37,23 @@ void TellReady(const std::string& status) {
 
 void TellStopping() { sd_notify(0, "STOPPING=1"); }
 
-int WaitForSignal(const sigset_t& signals, const std::function<void()>& prove_alive) {
+int WaitForSignal(const sigset_t& signals, const std::function<void()>& prove_alive,
+                  const std::function<bool()>& is_over) {
   const uint64_t limit_us = WatchdogMicroseconds();
   int received = 0;
-  if (limit_us == 0) {
+  if (limit_us == 0 && !is_over) {
     sigwait(&signals, &received);
     return received;
   }
-  const timespec pause = AsTimespec(limit_us / 2);
+  uint64_t pause_us = limit_us == 0 ? kLookMicroseconds : limit_us / 2;
+  if (is_over) pause_us = std::min(pause_us, kLookMicroseconds);
+  const timespec pause = AsTimespec(pause_us);
   while (received <= 0) {
-    prove_alive();
-    sd_notify(0, "WATCHDOG=1");
+    if (is_over && is_over()) return 0;
+    if (limit_us > 0) {
+      prove_alive();
+      sd_notify(0, "WATCHDOG=1");
+    }
     received = sigtimedwait(&signals, nullptr, &pause);
   }
   return received;

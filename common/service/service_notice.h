@@ -22,6 +22,9 @@ void TellStopping();
 // each such time; without it `prove_alive` is never called. `prove_alive` passes through the locks
 // of the program's parts: where one of them hangs it hangs too, and systemd starts the program
 // again.
-int WaitForSignal(const sigset_t& signals, const std::function<void()>& prove_alive);
+//
+// `is_over`, where it is set, is asked twice a second; true ends the wait with 0.
+int WaitForSignal(const sigset_t& signals, const std::function<void()>& prove_alive,
+                  const std::function<bool()>& is_over = {});
 
 }  // namespace rigcal

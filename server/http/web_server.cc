@@ -61,7 +61,9 @@ absl::StatusOr<std::unique_ptr<WebServer>> WebServer::Open(WebServerOptions opti
   if (tls) {
     RIGCAL_RETURN_IF_ERROR(EnsureServerIdentity(
         options.data_dir, CertificateHosts(options.grpc_listen, options.https_listen)));
-    if (HasForeignCa(IdentityDirectory(options.data_dir))) {
+    if (options.waiting) {
+      // Its files are those of the other server.
+    } else if (HasForeignCa(IdentityDirectory(options.data_dir))) {
       spdlog::warn(
           "nobody can join this server: {} has no ca.key, so its certificates are made elsewhere",
           IdentityDirectory(options.data_dir).string());
@@ -92,6 +94,7 @@ HttpServerOptions WebServer::HttpOptions(const std::string& address) {
 }
 
 std::vector<HttpRoute> WebServer::Routes(const WebServerParts& parts) {
+  if (options_.waiting) return WaitingRoutes(options_.waiting);
   using For = HttpRoute::For;
   std::vector<HttpRoute> routes = IdentityRoutes(authority_.get(), options_.audit, options_.ready);
   const auto add = [&routes](std::vector<HttpRoute> more) {

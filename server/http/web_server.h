@@ -15,6 +15,7 @@
 #include "server/api/api_gateway.h"
 #include "server/audit/audit_log.h"
 #include "server/http/http_server.h"
+#include "server/http/waiting_routes.h"
 #include "server/identity/identity_authority.h"
 
 namespace rigcal::server {
@@ -28,7 +29,9 @@ struct WebServerOptions {
   std::vector<std::string> hosts = {};  // further names under which browsers reach it
   bool plain_loopback = true;           // as in HttpServerOptions
   std::filesystem::path docs_dir = {};  // of the documentation; empty: DefaultDocsFolder()
-  AuditLog* audit = nullptr;            // who joined and who was refused; null: nothing is written
+  // Set: another server answers, and this one says so, and does nothing else.
+  std::function<WaitingNotice()> waiting = {};
+  AuditLog* audit = nullptr;  // who joined and who was refused; null: nothing is written
   // Whether the server takes data, for /readyz.
   std::function<absl::Status()> ready = [] { return absl::OkStatus(); };
 };

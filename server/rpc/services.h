@@ -25,6 +25,7 @@
 #include "server/session/preview_broker.h"
 #include "server/session/retention.h"
 #include "server/session/session_coordinator.h"
+#include "server/store/server_roster.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
@@ -42,6 +43,7 @@ struct RpcServerParts {
   const Retention* retention = nullptr;     // null: nothing is ever deleted
   const LiveTracker* live = nullptr;        // null: there is no live state
   MonitorSettings* monitors = nullptr;      // null: no rig is monitored
+  ServerRoster* roster = nullptr;           // null: no other server shares the store
 };
 
 // The services of rigcal.v1 for clients; each in the file of its name.

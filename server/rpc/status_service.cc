@@ -26,6 +26,17 @@ void FillRetention(const RetentionStats& stats, v1::RetentionStatus* retention) 
   retention->set_problem(stats.problem);
 }
 
+void AddServer(const ServerEntry& server, v1::GetStatusResponse* response) {
+  v1::ServerInfo* info = response->add_servers();
+  info->set_host(server.host);
+  info->set_address(server.address);
+  info->set_page(server.page);
+  info->set_software_version(server.version);
+  *info->mutable_start_time() = wire::ToTimestamp(server.start_utc_ns);
+  info->set_active(server.active);
+  info->set_silent_ms(Count(static_cast<uint64_t>(std::max<int64_t>(server.last_seen_ms, 0))));
+}
+
 class StatusService final : public v1::StatusService::Service {
  public:
   StatusService(const RpcServerParts& parts, size_t ingest_queue_limit_bytes, int64_t start_utc_ns,
@@ -48,6 +59,9 @@ class StatusService final : public v1::StatusService::Service {
       response->set_capturing_session_count(Count(parts_.coordinator->CapturingCount()));
       response->set_queued_calibration_count(Count(parts_.runner->QueuedCount()));
 
+      if (parts_.roster != nullptr) {
+        for (const ServerEntry& server : parts_.roster->List()) AddServer(server, response);
+      }
       const IngestStats stats = parts_.ingest->Stats();
       v1::IngestStatus* ingest = response->mutable_ingest();
       ingest->set_stored_observation_count(stats.stored_observation_count);

@@ -32,6 +32,7 @@ struct StoreHealth {
   uint64_t free_bytes = 0;        // on its disk; 0, with no reserve: not known
   uint64_t reserve_bytes = 0;     // free space at which observations are refused
   std::string problem = {};       // why nothing can be written any more; empty: healthy
+  bool replaced = false;          // another server writes now, and this one never will
   std::string read_problem = {};  // why something could not be read; what is written is safe
 
   // For observations: unused space of the store is filled before its files grow.

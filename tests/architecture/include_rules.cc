@@ -64,7 +64,7 @@ const std::vector<Layer>& Layers() {
       {"server: jobs, live state",
        {"server/jobs", "server/lens", "server/live", "server/metrics", "server/worker/main.cc"}},
       {"server: services", {"server/estimate", "server/monitor", "server/rpc"}},
-      {"server: care of the data", {"server/care"}},
+      {"server: care of the data, turns of several servers", {"server/care", "server/turn"}},
 
       {"client: connection, output", {"client/net", "client/output"}},
       {"client: results", {"client/results", "client/tables"}},

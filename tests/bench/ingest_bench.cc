@@ -271,14 +271,14 @@ absl::StatusOr<double> SecondsOfDrain(ServerProcess& server, agent::ObservationS
     sources.push_back(std::make_unique<FloodSource>(BenchCameraName(i), kDrainRows, &may_begin));
   }
   agent::UplinkOptions options;
-  options.server = server.address();
+  options.servers = wire::ServerList::Of(server.address());
   options.agent_id = BenchAgentId(0);
   options.host = "bench";
   options.max_batch_rows = 16;
   RIGCAL_ASSIGN_OR_RETURN(
       const std::unique_ptr<agent::Uplink> uplink,
       agent::Uplink::Create(std::move(options), std::move(sources), &spool,
-                            [&] { return agent::Uplink::MakeChannel(server.address()); }));
+                            [](const std::string& address) { return agent::Uplink::MakeChannel(address); }));
   uplink->Start();
   for (bool connected = false; !connected;) {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<v1::Agent> agents, client.ListAgents());

@@ -68,7 +68,7 @@ class FuzzServer {
   static server::RpcServerOptions RpcOptions() {
     using std::chrono::milliseconds;
     server::RpcServerOptions options;
-    options.listen_address.clear();
+    options.endpoint.listen_address.clear();
     options.previews = {.default_wait = milliseconds(20),
                         .longest_wait = milliseconds(50),
                         .answer_grace = milliseconds(20)};

@@ -42,18 +42,24 @@ class RunningWave : public ::testing::Test {
  protected:
   static constexpr int kCameras = 3;
 
-  // `store`: "sqlite" or "postgresql". `duration_s`: far more than is captured.
-  RunningWave(const std::string& store, int duration_s) {
+  // `store`: "sqlite" or "postgresql". `duration_s`: far more than is captured. `spare_count`:
+  // servers of the same database that wait for their turn.
+  RunningWave(const std::string& store, int duration_s, int spare_count = 0) {
     if (store == "postgresql") {
       cluster_ = std::make_unique<PostgresCluster>(PostgresCluster::Options{});  // fsync is on
       store_arguments_ = {"--store", cluster_->Url(cluster_->CreateDatabase())};
     }
     server_ = StartServer(0);
+    std::string servers = server_->address();
+    for (int i = 0; i < spare_count; ++i) {
+      spares_.push_back(StartServer(0, absl::StrCat("store", i + 1)));
+      absl::StrAppend(&servers, ",", spares_.back()->address());
+    }
     options_.camera_count = kCameras;
     options_.duration_s = duration_s;
     for (int i = 0; i < kCameras; ++i) {
       agents_.push_back(std::make_unique<Process>(Process::Options{
-          {"rigcal-agent", "--server", server_->address(), "--state-dir",
+          {"rigcal-agent", "--server", servers, "--state-dir",
            (directory_.path() / ("agent" + std::to_string(i))).string(), "--source",
            absl::StrCat("sim:camera=", i, ";cameras=", kCameras, ";duration=", options_.duration_s,
                         ";speed=8")},
@@ -61,9 +67,21 @@ class RunningWave : public ::testing::Test {
     }
   }
 
-  std::unique_ptr<ServerProcess> StartServer(int port) const {
-    return std::make_unique<ServerProcess>(directory_.path() / "store", port,
+  std::unique_ptr<ServerProcess> StartServer(int port, const std::string& folder = "store") const {
+    return std::make_unique<ServerProcess>(directory_.path() / folder, port,
                                            std::map<std::string, std::string>(), store_arguments_);
+  }
+
+  // Of the server that answers.
+  std::string Active() {
+    std::string active = server_->address();
+    const auto answers = [&](const std::unique_ptr<ServerProcess>& server) {
+      if (!ServerClient(server->address()).ListAgents().ok()) return false;
+      active = server->address();
+      return true;
+    };
+    WaitFor([&] { return answers(server_) || std::ranges::any_of(spares_, answers); });
+    return active;
   }
 
   void Begin() {
@@ -78,9 +96,10 @@ class RunningWave : public ::testing::Test {
   // The capture ends once it has enough; every observation is stored once.
   void ExpectNothingLostAndTheSameResult() {
     const uint64_t enough = 3 * 400;
-    ASSERT_TRUE(WaitFor([&] { return StoredCount(server_->address()) >= enough; }))
+    const std::string active = Active();
+    ASSERT_TRUE(WaitFor([&] { return StoredCount(active) >= enough; }))
         << agents_[0]->StandardError();
-    ServerClient client(server_->address());
+    ServerClient client(active);
     ASSERT_THAT(client.StopSession("wave", 60), IsOk());
     const auto finished = client.WaitUntilFinished("wave");
     ASSERT_THAT(finished, IsOk()) << agents_[0]->StandardError();
@@ -141,6 +160,7 @@ class RunningWave : public ::testing::Test {
   std::unique_ptr<PostgresCluster> cluster_;  // null: the database is the server's own
   std::vector<std::string> store_arguments_;
   std::unique_ptr<ServerProcess> server_;
+  std::vector<std::unique_ptr<ServerProcess>> spares_;
   SimulationOptions options_;
   std::vector<std::unique_ptr<Process>> agents_;
   double longest_restart_s_ = 0;

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/store/postgresql/postgres_address.h"
+#include "server/store/postgresql/postgres_roster.h"
 #include "server/store/postgresql/postgres_store.h"
 #include "server/store/sqlite/sqlite_store.h"
 
@@ -29,7 +30,10 @@ KindAndPlace Split(const std::string& location) {
 absl::StatusOr<std::unique_ptr<SqlStore>> OpenSqlStore(const std::string& location,
                                                        const StoreOptions& options) {
   if (PostgresAddress::Is(location)) {
-    return PostgresStore::Open({.url = location, .writer = {.start = {.unsafe = options.unsafe}}});
+    return PostgresStore::Open({.url = location,
+                                .writer = {.start = {.unsafe = options.unsafe},
+                                           .server = options.server,
+                                           .silent_owner = options.silent_owner}});
   }
   const auto [kind, place] = Split(location);
   if (kind == "sqlite") {
@@ -56,6 +60,14 @@ absl::Status CheckThereIsAStore(const std::string& location) {
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const std::string& location,
                                                  const StoreOptions& options) {
   return OpenSqlStore(location, options);
+}
+
+absl::StatusOr<std::unique_ptr<ServerRoster>> OpenServerRoster(const std::string& location,
+                                                               const StoreOptions& options,
+                                                               ServerEntry own) {
+  if (!PostgresAddress::Is(location)) return nullptr;
+  RIGCAL_ASSIGN_OR_RETURN(const PostgresAddress address, PostgresAddress::Parse(location));
+  return PostgresRoster::Open(address, {.unsafe = options.unsafe}, std::move(own));
 }
 
 bool IsDatabaseAddress(const std::string& location) { return PostgresAddress::Is(location); }

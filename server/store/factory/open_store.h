@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/store/server_roster.h"
 #include "server/store/sql/table_copy.h"
 #include "server/store/store.h"
 
@@ -17,6 +18,10 @@ struct StoreOptions {
   uint64_t min_free_bytes = uint64_t{256} << 20;
   // Take a PostgreSQL server that does not write through to its disk.
   bool unsafe = false;
+  // Where several servers share the store: ServerEntry::id of this one, and the silent owner that
+  // the roster has found.
+  std::string server = {};
+  int64_t silent_owner = 0;
 };
 
 // Opens the store at `location`, KIND:PLACE, or a folder's path alone for the default kind. Kinds:
@@ -27,6 +32,12 @@ struct StoreOptions {
 // Another kind of store is a folder beside this one and a line in open_store.cc.
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const std::string& location,
                                                  const StoreOptions& options = {});
+
+// The servers that share the store at `location`, with this one in it. Null: it is of a kind that
+// one server has for itself. Errors as OpenStore, except that another server may use it.
+absl::StatusOr<std::unique_ptr<ServerRoster>> OpenServerRoster(const std::string& location,
+                                                               const StoreOptions& options,
+                                                               ServerEntry own);
 
 // A location as messages may show it: without a password.
 std::string PrintableLocation(const std::string& location);

@@ -19,8 +19,7 @@ namespace {
 // writer: one row. `owner` grows with each server that opens the database, and `transaction` with
 // each transaction of that one: every transaction that writes names both, so that a server that was
 // replaced writes nothing more, and that it is known after a lost connection whether a commit took
-// place. A database of several servers gets an owner per session by a migration: a column of
-// `session`, that the same statement checks.
+// place.
 constexpr char kVersion1[] = R"sql(
 CREATE TABLE rigcal_schema(
   version BIGINT NOT NULL
@@ -191,8 +190,33 @@ INSERT INTO identity(server_id) VALUES(replace(gen_random_uuid()::text, '-', '')
 INSERT INTO writer(owner, transaction) VALUES(0, 0);
 )sql";
 
+// Several servers that take turns.
+//
+// writer.server: the row of `server` that has the turn; NULL: a command that runs by itself.
+// server: `beat` grows with each sign of life. document: files that each of them needs, with a
+// version that grows with each change of any; without a body it was removed.
+constexpr char kVersion2[] = R"sql(
+ALTER TABLE writer ADD COLUMN server TEXT COLLATE "C";
+CREATE TABLE server(
+  id TEXT COLLATE "C" PRIMARY KEY,
+  host TEXT COLLATE "C" NOT NULL,
+  address TEXT COLLATE "C" NOT NULL,
+  page TEXT COLLATE "C" NOT NULL,
+  version TEXT COLLATE "C" NOT NULL,
+  start_utc_ns BIGINT NOT NULL,
+  beat BIGINT NOT NULL,
+  seen TIMESTAMPTZ NOT NULL
+) WITH (fillfactor=20);
+CREATE TABLE document(
+  name TEXT COLLATE "C" PRIMARY KEY,
+  body BYTEA,
+  version BIGINT NOT NULL
+);
+UPDATE rigcal_schema SET version=2;
+)sql";
+
 // Each brings a database of the version that is its index to the next one.
-constexpr const char* kMigrations[] = {kVersion1};
+constexpr const char* kMigrations[] = {kVersion1, kVersion2};
 static_assert(std::size(kMigrations) == kPostgresSchemaVersion);
 
 bool Exists(PostgresConnection& connection, const std::string& table) {
@@ -231,9 +255,6 @@ absl::Status Migrate(PostgresConnection& connection) {
   RIGCAL_ASSIGN_OR_RETURN(const int64_t version, ReadVersion(connection));
   for (int64_t from = version; from < kPostgresSchemaVersion; ++from) {
     connection.Run(kMigrations[from]);
-  }
-  if (version != 0 && version != kPostgresSchemaVersion) {
-    connection.Run(absl::StrCat("UPDATE rigcal_schema SET version=", kPostgresSchemaVersion));
   }
   if (connection.Run("SELECT server_id FROM identity").size() == 1) return absl::OkStatus();
   return absl::DataLossError(

@@ -10,7 +10,7 @@
 
 namespace rigcal::server {
 
-inline constexpr int64_t kPostgresSchemaVersion = 1;
+inline constexpr int64_t kPostgresSchemaVersion = 2;
 
 // Creates the tables in an empty database, or brings those of an earlier version up to date, in one
 // transaction. May throw PostgresError.

@@ -65,6 +65,20 @@ absl::Status CheckPostgresServer(PostgresConnection& connection,
   return absl::OkStatus();
 }
 
+absl::Status ConnectToPostgres(const PostgresStartOptions& options, PostgresDatabase* database) {
+  const absl::Status connected = database->Connect();
+  try {
+    if (connected.ok()) return CheckPostgresServer(database->connection(), options);
+    // Of a standby libpq says only that it can be read, as one of several reasons.
+    PostgresDatabase any(database->address().With("target_session_attrs", "any"));
+    if (!any.Connect().ok()) return connected;
+    RIGCAL_RETURN_IF_ERROR(CheckPostgresServer(any.connection(), options));
+    return connected;
+  } catch (const PostgresError& error) {
+    return connected.ok() ? database->StatusOf(error, "looking at the database") : connected;
+  }
+}
+
 absl::Status CheckNoTransactionPooler(PostgresConnection& writer, PostgresConnection& reader) {
   // Without a pooler the process that was named when the connection began is the one that works.
   const std::string before = writer.Run("SELECT pg_backend_pid()").at(0).at(0);

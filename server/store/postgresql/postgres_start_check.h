@@ -3,6 +3,7 @@
 
 #include "absl/status/status.h"
 #include "server/store/postgresql/postgres_connection.h"
+#include "server/store/postgresql/postgres_database.h"
 
 namespace rigcal::server {
 
@@ -22,5 +23,8 @@ absl::Status CheckPostgresServer(PostgresConnection& connection,
 // Whether both connections keep their session between transactions. FAILED_PRECONDITION: a pooler
 // gives each transaction another one. May throw PostgresError.
 absl::Status CheckNoTransactionPooler(PostgresConnection& writer, PostgresConnection& reader);
+
+// Connects, and checks the server. The errors of PostgresConnection::Open and CheckPostgresServer.
+absl::Status ConnectToPostgres(const PostgresStartOptions& options, PostgresDatabase* database);
 
 }  // namespace rigcal::server

@@ -52,6 +52,7 @@ StoreHealth PostgresStore::Health() const {
       .kind = "postgresql", .schema_version = kPostgresSchemaVersion, .counts_unused = false};
   health.size_bytes = size_bytes_;
   health.problem = writer_->problem();
+  health.replaced = writer_->replaced();
   health.read_problem = reader_->problem();
   return health;
 }

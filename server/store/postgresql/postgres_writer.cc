@@ -35,20 +35,8 @@ constexpr char kThisProcess[] =
 absl::StatusOr<std::unique_ptr<PostgresWriter>> PostgresWriter::Open(
     const PostgresAddress& address, const PostgresWriterOptions& options) {
   std::unique_ptr<PostgresWriter> writer(new PostgresWriter(address, options));
-  absl::Status connected = writer->database_.Connect();
-  if (!connected.ok()) {
-    // Of a standby libpq says only that it can be read, as one of several reasons.
-    PostgresDatabase any(address.With("target_session_attrs", "any"));
-    if (!any.Connect().ok()) return connected;
-    try {
-      RIGCAL_RETURN_IF_ERROR(CheckPostgresServer(any.connection(), options.start));
-    } catch (const PostgresError&) {
-      // The first answer stands.
-    }
-    return connected;
-  }
+  RIGCAL_RETURN_IF_ERROR(ConnectToPostgres(options.start, &writer->database_));
   try {
-    RIGCAL_RETURN_IF_ERROR(CheckPostgresServer(writer->connection(), options.start));
     RIGCAL_RETURN_IF_ERROR(PreparePostgresSchema(writer->connection()));
     writer->server_id_ = ReadPostgresServerId(writer->connection());
     RIGCAL_RETURN_IF_ERROR(writer->TakeOver());
@@ -60,6 +48,13 @@ absl::StatusOr<std::unique_ptr<PostgresWriter>> PostgresWriter::Open(
 
 absl::Status PostgresWriter::TakeOver() {
   PostgresConnection& connection = database_.connection();
+  if (options_.silent_owner != 0) {
+    // What it holds, a transaction that stands still with it, is given up.
+    connection.Run(absl::StrCat(
+        "SELECT pg_terminate_backend(a.pid) FROM writer w JOIN pg_stat_activity a ON a.pid=w.pid "
+        "AND a.backend_start=w.backend_start WHERE w.owner=",
+        options_.silent_owner));
+  }
   const Clock::time_point limit = Clock::now() + options_.takeover_limit;
   while (true) {
     const auto others = connection.Run(
@@ -68,7 +63,10 @@ absl::Status PostgresWriter::TakeOver() {
         "pg_stat_activity a ON a.pid=w.pid AND a.backend_start=w.backend_start");
     if (others.empty()) break;
     if (Clock::now() > limit) {
-      return absl::FailedPreconditionError(
+      // A server that may wait for its turn waits again.
+      return absl::Status(
+          options_.server.empty() ? absl::StatusCode::kFailedPrecondition
+                                  : absl::StatusCode::kAborted,
           absl::StrCat(connection.place(), " is in use by another rigcal-server, connected from ",
                        others[0][1], " since ", others[0][2], " (process ", others[0][0],
                        " of PostgreSQL); stop that one, or give this one another --store"));
@@ -76,14 +74,24 @@ absl::Status PostgresWriter::TakeOver() {
     // One that was killed: its process at the database ends in a moment.
     std::this_thread::sleep_for(kTakeOverPoll);
   }
-  const auto rows = connection.Run(absl::StrCat("UPDATE writer SET owner=owner+1, ", kThisProcess,
-                                                " RETURNING owner, transaction"));
-  if (rows.size() != 1) {
+  // Of several that have seen the same, the first one is it.
+  const PostgresResult taken = connection.Fetch(
+      absl::StrCat("UPDATE writer SET owner=owner+1, server=?1, ", kThisProcess,
+                   " WHERE NOT EXISTS(SELECT 1 FROM pg_stat_activity a WHERE a.pid=writer.pid AND "
+                   "a.backend_start=writer.backend_start) RETURNING owner, transaction"),
+      {{.kind = PostgresValue::Kind::kText,
+        .null = options_.server.empty(),
+        .text = options_.server}});
+  if (taken.rows() == 0 && !connection.Run("SELECT 1 FROM writer").empty()) {
+    return absl::AbortedError(
+        absl::StrCat(connection.place(), " was taken by another rigcal-server at this moment"));
+  }
+  if (taken.rows() != 1) {
     return absl::DataLossError(absl::StrCat(
         connection.place(), " has lost its row of table writer; restore a backup of it"));
   }
-  owner_ = ToNumber(rows[0][0]);
-  transaction_ = ToNumber(rows[0][1]);
+  owner_ = taken.Number(0, 0);
+  transaction_ = taken.Number(0, 1);
   return absl::OkStatus();
 }
 
@@ -213,6 +221,11 @@ absl::Status PostgresWriter::Fail(absl::Status status) {
   const std::lock_guard lock(problem_mutex_);
   problem_ = std::move(status);
   return problem_;
+}
+
+bool PostgresWriter::replaced() const {
+  const std::lock_guard lock(problem_mutex_);
+  return absl::IsFailedPrecondition(problem_);
 }
 
 std::string PostgresWriter::problem() const {

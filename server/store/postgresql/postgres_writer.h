@@ -24,6 +24,10 @@ struct PostgresWriterOptions {
   std::chrono::milliseconds longest_pause{5'000};
   // How long it waits for the server before this one, that was killed, to be gone.
   std::chrono::milliseconds takeover_limit{5'000};
+  // ServerEntry::id of this server; empty: a command that runs by itself.
+  std::string server = {};
+  // ServerRoster::Turn::silent_owner: its connection is ended.
+  int64_t silent_owner = 0;
 };
 
 // The one connection that writes, made anew when it is lost. Thread-safe.
@@ -34,6 +38,7 @@ struct PostgresWriterOptions {
 class PostgresWriter final : public SqlWriter {
  public:
   // Connects, checks the server, makes the tables and becomes the one that writes.
+  //   ABORTED              another server was the first to take it over
   //   FAILED_PRECONDITION  as CheckPostgresServer and PreparePostgresSchema; another server uses
   //   the
   //                        database; wrong password
@@ -51,6 +56,8 @@ class PostgresWriter final : public SqlWriter {
   const std::string& server_id() const { return server_id_; }
   // Why nothing can be written at the moment; empty: it can. Never waits.
   std::string problem() const;
+  // Another server writes now.
+  bool replaced() const;
   // Tries to connect again where the connection is lost and no transaction runs.
   void Recover();
   // For checks while opening.

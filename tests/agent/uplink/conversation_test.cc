@@ -34,7 +34,6 @@ const StreamKey kLeft{"s-1", "left", 1};
 class ConversationTest : public ::testing::Test {
  protected:
   ConversationTest() {
-    options_.server = "fake";
     options_.agent_id = "pc-1";
     auto left = std::make_unique<ScriptedSource>("left");
     left_ = left.get();
@@ -56,7 +55,7 @@ class ConversationTest : public ::testing::Test {
 
   // A conversation over a new connection; the agent's hello has been sent.
   Conversation Connect() {
-    Conversation conversation(options_, ++connection_, &agent_, now_);
+    Conversation conversation(options_, "fake", ++connection_, &agent_, now_);
     hello_ = conversation.Hello().hello();
     return conversation;
   }

@@ -23,7 +23,7 @@ inline const StreamKey kRight{"s-1", "right", 7};
 
 inline UplinkOptions QuickOptions() {
   UplinkOptions options;
-  options.server = "fake";
+  options.servers = wire::ServerList::Of("fake");
   options.agent_id = "pc-1";
   options.incarnation = 7;
   options.stream_epoch = 7;
@@ -43,7 +43,7 @@ class UplinkFixture : public ::testing::Test {
 
   void Start(UplinkOptions options = QuickOptions(),
              const std::string& left_timebase = "recording") {
-    Start(std::move(options), left_timebase, [this] { return server_.Channel(); });
+    Start(std::move(options), left_timebase, [this](const std::string&) { return server_.Channel(); });
   }
   void Start(UplinkOptions options, const std::string& left_timebase,
              Uplink::ChannelFactory make_channel) {

@@ -159,7 +159,7 @@ TEST_F(UplinkFlow, ReportsWhatASourceRefusesWhileItRuns) {
 
 TEST_F(UplinkFlow, SurvivesWhatAConnectionThrows) {
   std::atomic<int> attempts = 0;
-  Start(QuickOptions(), "recording", [&]() -> std::shared_ptr<grpc::Channel> {
+  Start(QuickOptions(), "recording", [&](const std::string&) -> std::shared_ptr<grpc::Channel> {
     const int attempt = ++attempts;
     if (attempt == 1) throw std::bad_alloc();
     if (attempt == 2) throw 7;

@@ -33,18 +33,6 @@ absl::StatusOr<v1::GetSessionResponse> Get(ServerConnection& server, const std::
   return server.Call(&v1::SessionService::Stub::GetSession, request, timeout);
 }
 
-TEST(ValidateServerAddress, WantsHostAndPort) {
-  for (const char* good : {"127.0.0.1:7420", "rig-pc:1", "[::1]:65535", "a.b.example:80"}) {
-    EXPECT_THAT(ValidateServerAddress(good), IsOk()) << good;
-  }
-  for (const char* bad : {"", "host", "host:", ":7420", "host:0", "host:65536", "host:x",
-                          "::1:7420", "http://host:80", "host:80/x", "[]:1", "a b:1", "host:-1"}) {
-    EXPECT_THAT(ValidateServerAddress(bad),
-                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("HOST:PORT")))
-        << bad;
-  }
-}
-
 TEST(ServerConnection, PassesTheServersStatusOn) {
   FakeServer fake;
   ServerConnection server(fake.address());

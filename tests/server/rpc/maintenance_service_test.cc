@@ -69,7 +69,7 @@ TEST_F(MaintenanceService, TellsWhenTheDatabaseIsCompact) {
 }
 
 TEST_F(MaintenanceService, TakesNoThreadOfTheServer) {
-  rpc_options_.max_threads = 16;  // the fewest allowed
+  rpc_options_.endpoint.max_threads = 16;  // the fewest allowed
   RestartServer();
   Hold();
   Call first(channel());

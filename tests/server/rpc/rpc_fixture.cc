@@ -62,7 +62,7 @@ void RpcFixture::RestartServer() {
 }
 
 void RpcFixture::RestartServerOnPort() {
-  rpc_options_.listen_address = "127.0.0.1:0";
+  rpc_options_.endpoint.listen_address = "127.0.0.1:0";
   RestartServer();
   channel_ =
       grpc::CreateChannel("127.0.0.1:" + std::to_string(port_), grpc::InsecureChannelCredentials());

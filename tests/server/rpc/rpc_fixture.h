@@ -23,7 +23,7 @@ namespace rigcal::testing {
 // The whole server but the solver, over a real store, reached through a channel in the process.
 class RpcFixture : public RunnerFixture {
  protected:
-  RpcFixture() { rpc_options_.listen_address.clear(); }
+  RpcFixture() { rpc_options_.endpoint.listen_address.clear(); }
   void SetUp() override;
   void TearDown() override;
   // Ends the server and starts it anew on the same store.

@@ -86,14 +86,14 @@ TEST_F(RpcServer, ReflectionListsAndDescribesServices) {
 }
 
 TEST_F(RpcServer, ServesOnAPortOfItsOwnAndNamesOneInUse) {
-  rpc_options_.listen_address = "127.0.0.1:0";
+  rpc_options_.endpoint.listen_address = "127.0.0.1:0";
   RestartServer();
   ASSERT_GT(port_, 0);
   const std::string address = "127.0.0.1:" + std::to_string(port_);
   EXPECT_THAT(ServerClient(address).ListAgents(), IsOk());
 
   server::RpcServerOptions options = rpc_options_;
-  options.listen_address = address;
+  options.endpoint.listen_address = address;
   server::RpcServer second(options, {.store = faulty_.get(),
                                      .ingest = ingest_.get(),
                                      .directory = directory_of_agents_.get(),
@@ -155,17 +155,18 @@ TEST_F(RpcServer, RefusesAnOpenAddressAndTooLittleMemory) {
                                      .directory = directory_of_agents_.get(),
                                      .coordinator = coordinator_.get(),
                                      .runner = runner_.get()};
-  server::RpcServer open({.listen_address = "0.0.0.0:1"}, parts);
+  server::RpcServer open({.endpoint = {.listen_address = "0.0.0.0:1"}}, parts);
   EXPECT_THAT(open.Start(),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("0.0.0.0:1")));
-  server::RpcServer nowhere({.listen_address = "7420"}, parts);
+  server::RpcServer nowhere({.endpoint = {.listen_address = "7420"}}, parts);
   EXPECT_THAT(nowhere.Start(),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("HOST:PORT")));
   server::RpcServer no_identity(
-      {.listen_address = "127.0.0.1:0", .identity_folder = "/nonexistent"}, parts);
+      {.endpoint = {.listen_address = "127.0.0.1:0", .identity_folder = "/nonexistent"}}, parts);
   EXPECT_THAT(no_identity.Start(),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("ca.crt")));
-  server::RpcServer small({.listen_address = "", .memory_limit_bytes = 1u << 20}, parts);
+  server::RpcServer small({.endpoint = {.listen_address = "", .memory_limit_bytes = 1u << 20}},
+                          parts);
   EXPECT_THAT(small.Start(),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("limits.rpc_memory_mb")));
 }

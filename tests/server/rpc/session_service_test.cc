@@ -316,7 +316,7 @@ TEST_F(SessionService, WatchesAreLimitedAndEndWithTheServer) {
 
 TEST_F(SessionService, WatchesHoldNoThreads) {
   options_.max_watches = 64;
-  rpc_options_.max_threads = 16;  // the fewest allowed
+  rpc_options_.endpoint.max_threads = 16;  // the fewest allowed
   RestartServerOnPort();
   stub_ = v1::SessionService::NewStub(channel());
   ASSERT_THAT(client().CreateSession(WaveRequest("wave")), IsOk());

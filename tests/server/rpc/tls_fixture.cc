@@ -17,9 +17,9 @@ void TlsFixture::SetUp() {
   server_certificate_ = ca_.MakeServer();
   ca_.WriteServerFolder(identity(), server_certificate_);
   if (has_ca_key_) ca_.WriteCaKey(identity());
-  rpc_options_.listen_address = "127.0.0.1:0";
-  rpc_options_.identity_folder = identity();
-  rpc_options_.listener.plain_loopback = false;
+  rpc_options_.endpoint.listen_address = "127.0.0.1:0";
+  rpc_options_.endpoint.identity_folder = identity();
+  rpc_options_.endpoint.listener.plain_loopback = false;
   rpc_options_.health_interval = std::chrono::milliseconds(50);
   audit_ = std::make_unique<server::AuditLog>(folder_.path() / "audit.jsonl");
   auto registry = server::AgentRegistry::Open({});

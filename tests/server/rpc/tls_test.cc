@@ -74,7 +74,7 @@ TEST_F(Tls, OverIpv6ARevokedPeerIsCutToo) {
   const absl::StatusOr<int> probe = server::ListenOn("[::1]:0");
   if (!probe.ok()) GTEST_SKIP() << "no IPv6 here: " << probe.status();
   close(*probe);
-  rpc_options_.listen_address = "[::1]:0";
+  rpc_options_.endpoint.listen_address = "[::1]:0";
   RestartServer();
   grpc::ChannelArguments arguments;
   const TestCertificate own = ca_.MakeAgent("pc1");
@@ -121,8 +121,8 @@ TEST_F(Tls, ConnectionsThatEndAreNotCountedAnyMore) {
 }
 
 TEST_F(Tls, OtherAddressesAreServedWithTlsAndThisMachineAlsoWithout) {
-  rpc_options_.listen_address = "0.0.0.0:0";
-  rpc_options_.listener.plain_loopback = true;
+  rpc_options_.endpoint.listen_address = "0.0.0.0:0";
+  rpc_options_.endpoint.listener.plain_loopback = true;
   RestartServer();
   EXPECT_THAT(ServerClient(UserChannel("viewer")).ListAgents(), IsOk());
   EXPECT_THAT(ServerClient("127.0.0.1:" + std::to_string(port_)).ListAgents(), IsOk());
@@ -140,13 +140,13 @@ TEST_F(Tls, AClientChecksTheServersName) {
 }
 
 TEST_F(Tls, TheSocketFileServesItsUserWithoutACertificate) {
-  rpc_options_.socket_file = folder_.path() / "s";
+  rpc_options_.endpoint.socket_file = folder_.path() / "s";
   RestartServer();
-  const std::string address = "unix:" + rpc_options_.socket_file.string();
+  const std::string address = "unix:" + rpc_options_.endpoint.socket_file.string();
   EXPECT_THAT(ServerClient(address).CreateSession(WaveRequest("wave")), IsOk());
   EXPECT_THAT(Audit(), HasSubstr("a client on this machine"));
   CloseServer();
-  EXPECT_FALSE(std::filesystem::exists(rpc_options_.socket_file));
+  EXPECT_FALSE(std::filesystem::exists(rpc_options_.endpoint.socket_file));
   OpenServer();
 }
 

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "server/http/http_request.h"
+
+namespace rigcal::server {
+
+// What browsers are told by a server that another one answers for.
+struct WaitingNotice {
+  std::string message;
+  std::string active_page;  // URL; empty: it is not known
+};
+
+// A page that names the other server and looks again by itself, /healthz, and 503 for the rest.
+std::vector<HttpRoute> WaitingRoutes(const std::function<WaitingNotice()>& notice);
+
+}  // namespace rigcal::server

@@ -29,6 +29,7 @@
 #include "common/config/agent_config.h"
 #include "common/enrolment/renewal_thread.h"
 #include "common/failpoint/failpoint.h"
+#include "common/file/durable_file.h"
 #include "common/identity/identity_folder.h"
 #include "common/log/level_signals.h"
 #include "common/log/start_log.h"
@@ -211,6 +212,18 @@ absl::Status CheckJoinedAs(const AgentIdentity& agent, const IdentityFolder& fol
                    ", or join again under the new name: ", "rigcal-agent join STRING --force"));
 }
 
+// Adds the servers that took turns with one of these when the agent ran before.
+void LearnKnownServers(const std::filesystem::path& file, wire::ServerList* servers) {
+  const absl::StatusOr<std::string> text = ReadSmallFile(file);
+  if (!text.ok()) return;
+  const absl::StatusOr<wire::ServerList> known = wire::ServerList::Parse(*text);
+  if (!known.ok()) return;
+  const bool same_rig = std::ranges::any_of(servers->servers(), [&](const std::string& server) {
+    return std::ranges::find(known->servers(), server) != known->servers().end();
+  });
+  if (same_rig) servers->Learn(known->servers());
+}
+
 // `uplink` is set before the thread starts.
 RenewalThread::Events RenewalEvents(Uplink* const* uplink) {
   return {.renewed =
@@ -270,7 +283,7 @@ absl::StatusOr<int> RunAgent(const Flags& flags, sigset_t signals) {
   if (config.server == AgentConfig().server && flags.server.empty()) {
     config.server = wire::DefaultServerAddress(files);
   }
-  RIGCAL_ASSIGN_OR_RETURN(const wire::ServerList servers, wire::ServerList::Parse(config.server));
+  RIGCAL_ASSIGN_OR_RETURN(wire::ServerList servers, wire::ServerList::Parse(config.server));
   for (const std::string& server : servers.servers()) {
     RIGCAL_RETURN_IF_ERROR(OfFile(wire::CredentialsFor(server, files).status()));
   }
@@ -278,7 +291,13 @@ absl::StatusOr<int> RunAgent(const Flags& flags, sigset_t signals) {
   RIGCAL_ASSIGN_OR_RETURN(auto offers, MakeOffers(flags, config, &sources));
   RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<ObservationSpool> spool, MakeSpool(config));
   UplinkOptions options;
+  const std::filesystem::path known_servers = std::filesystem::path(config.state_dir) / "servers";
+  LearnKnownServers(known_servers, &servers);
   options.servers = servers;
+  options.learned = [known_servers](const wire::ServerList& all) {
+    const absl::Status written = WriteDurableFile(known_servers, all.text());
+    if (!written.ok()) spdlog::warn("{}", std::string(written.message()));
+  };
   options.agent_id = identity.agent_id;
   options.incarnation = identity.incarnation;
   options.stream_epoch = identity.stream_epoch;
@@ -291,8 +310,7 @@ absl::StatusOr<int> RunAgent(const Flags& flags, sigset_t signals) {
   options.learning.folder = std::filesystem::path(config.state_dir) / "detectors";
   Uplink* running = nullptr;
   RenewalThread renewal(folder, RenewalEvents(&running));
-  const auto make_channel = [of_several = servers.size() > 1, files,
-                             &renewal](const std::string& server) {
+  const auto make_channel = [files, &renewal](const std::string& server, bool of_several) {
     // A server that refuses the certificate closes the connection without a word.
     renewal.AskSoon();
     return Uplink::MakeChannel(server, files, of_several);

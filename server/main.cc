@@ -472,18 +472,26 @@ absl::StatusOr<End> Serve(ServerConfig& config, const Flags& flags) {
         [&](const std::string& agent_id) { return registry->HolderOf(agent_id); });
   }
   Retention retention(RetentionOf(config.retention), store.get(), coordinator.get());
-  RpcServer rpc(RpcOptions(config, identity), {.store = store.get(),
-                                               .ingest = &ingest,
-                                               .directory = &directory,
-                                               .coordinator = coordinator.get(),
-                                               .runner = runner.get(),
-                                               .registry = registry.get(),
-                                               .audit = &audit,
-                                               .identities = web->authority(),
-                                               .retention = &retention,
-                                               .live = &live,
-                                               .monitors = monitors.get(),
-                                               .roster = roster});
+  RpcServerOptions rpc_options = RpcOptions(config, identity);
+  if (roster != nullptr) {
+    rpc_options.agents.servers = [roster] {
+      std::vector<std::string> addresses;
+      for (const ServerEntry& server : roster->List()) addresses.push_back(server.address);
+      return addresses;
+    };
+  }
+  RpcServer rpc(std::move(rpc_options), {.store = store.get(),
+                                         .ingest = &ingest,
+                                         .directory = &directory,
+                                         .coordinator = coordinator.get(),
+                                         .runner = runner.get(),
+                                         .registry = registry.get(),
+                                         .audit = &audit,
+                                         .identities = web->authority(),
+                                         .retention = &retention,
+                                         .live = &live,
+                                         .monitors = monitors.get(),
+                                         .roster = roster});
 
   coordinator->Start();
   live.Start();

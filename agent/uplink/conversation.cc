@@ -134,6 +134,7 @@ absl::Status Conversation::HandleHello(const v1::ServerHello& hello) {
   agent_.server_id = hello.server_id();
   greeted_ = true;
   takes_offers_ = hello.takes_offers();
+  servers_.assign(hello.servers().begin(), hello.servers().end());
   spdlog::info("server {}: connected as {} (incarnation {}, connection {})", server_,
                options_.agent_id, options_.incarnation, connection_);
   agent_.plan->BeginConnection(BatchRows(options_.max_batch_rows, hello));

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -25,6 +26,8 @@ namespace rigcal::agent {
 struct UplinkOptions {
   // Of which one answers at a time.
   wire::ServerList servers = wire::ServerList::Of("");
+  // Called with all of them when a server has named others. Unset: nobody keeps them.
+  std::function<void(const wire::ServerList&)> learned = {};
   std::string agent_id;
   uint32_t incarnation = 1;   // grows at each start of the agent
   uint32_t stream_epoch = 1;  // of new observations; another one at each start
@@ -96,6 +99,8 @@ class Conversation {
   // What to send next; none: nothing yet. Only once greeted.
   std::optional<v1::ConnectRequest> Next(Clock::time_point now);
 
+  // As the server's hello has named them.
+  const std::vector<std::string>& servers() const { return servers_; }
   bool greeted() const { return greeted_; }  // the server's hello has arrived
   // Something became durable, or the connection stood for so long that it is good even if nothing
   // had to be delivered.
@@ -131,6 +136,7 @@ class Conversation {
   Agent& agent_;
   const Clock::time_point start_;
 
+  std::vector<std::string> servers_;
   bool greeted_ = false;
   bool takes_offers_ = false;  // the server does
   bool progressed_ = false;    // something became durable

@@ -221,7 +221,8 @@ void Uplink::Run() {
 }
 
 absl::Status Uplink::Serve(Conversation& conversation) {
-  UplinkConnection connection(make_channel_(servers_.current()), [this] { Wake(); });
+  UplinkConnection connection(make_channel_(servers_.current(), servers_.size() > 1),
+                              [this] { Wake(); });
   active_server_.clear();
   // Nobody waits any more for what was asked for over an earlier connection.
   previews_->Forget();
@@ -231,7 +232,9 @@ absl::Status Uplink::Serve(Conversation& conversation) {
   connection.Write(conversation.Hello());
   while (true) {
     for (const v1::ConnectResponse& message : connection.TakeMessages()) {
+      const bool is_hello = !conversation.greeted();
       RIGCAL_RETURN_IF_ERROR(conversation.Handle(message, Clock::now()));
+      if (is_hello && conversation.greeted()) LearnServers(conversation);
     }
     if (const auto result = connection.Result()) {
       active_server_ = connection.ActiveServer();
@@ -261,6 +264,14 @@ absl::Status Uplink::Serve(Conversation& conversation) {
   }
 }
 
+void Uplink::LearnServers(const Conversation& conversation) {
+  servers_.Settle();
+  if (!servers_.Learn(conversation.servers())) return;
+  options_.hello_timeout = options_.hello_timeout_of_several;
+  spdlog::info("servers that take turns: {}", servers_.text());
+  if (options_.learned) options_.learned(servers_);
+}
+
 void Uplink::Leave(UplinkConnection& connection) {
   connection.FinishWriting();
   const Clock::time_point give_up = Clock::now() + kGoodbye;
@@ -278,7 +289,6 @@ Backoff::Duration Uplink::WaitAfter(const Conversation& conversation, const absl
   if (conversation.IsGood(Clock::now())) backoff_.Reset();
   const bool is_news =
       std::exchange(last_error_[server], message) != message || conversation.greeted();
-  if (conversation.greeted()) servers_.Settle();
   if (conversation.greeted() && absl::IsInvalidArgument(status) && plan_.SuspectsFault()) {
     spdlog::error("{}", message);
     if (const auto given_up = plan_.OnProtocolFault(message)) {

@@ -45,7 +45,9 @@ struct LeftBehind {
 class Uplink {
  public:
   // A fresh channel for each attempt, so that how often to try is decided here alone.
-  using ChannelFactory = std::function<std::shared_ptr<grpc::Channel>(const std::string& server)>;
+  // `of_several`: as for MakeChannel.
+  using ChannelFactory =
+      std::function<std::shared_ptr<grpc::Channel>(const std::string& server, bool of_several)>;
 
   // A channel to `address` (HOST:PORT, or unix:PATH) with keepalive, for ChannelFactory. To another
   // machine with the files of `identity`, as they are now; where they cannot be used, that is
@@ -79,6 +81,7 @@ class Uplink {
   Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory make_channel);
 
   void Run();
+  void LearnServers(const Conversation& conversation);
   // OK: it is time to leave, or to connect again.
   absl::Status Serve(Conversation& conversation);
   // Tells the server that this connection ends, and waits for its end for a moment.

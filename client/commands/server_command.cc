@@ -16,9 +16,10 @@ namespace {
 constexpr uint32_t kSilentMs = 3'000;  // three signs of life are missing
 
 std::string StateOf(const v1::ServerInfo& server) {
-  const std::string state = server.active() ? "active" : "waits";
-  if (server.silent_ms() < kSilentMs) return state;
-  return absl::StrCat(state, ", silent for ", FormatDuration(server.silent_ms() / 1e3));
+  if (server.silent_ms() >= kSilentMs) {
+    return absl::StrCat("silent for ", FormatDuration(server.silent_ms() / 1e3));
+  }
+  return server.active() ? "active" : "waits";
 }
 
 std::string FormatServers(const v1::GetStatusResponse& status) {

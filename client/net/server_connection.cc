@@ -110,8 +110,14 @@ bool ServerConnection::MoveOn(const Link& link, const grpc::Status& status,
   const std::lock_guard lock(mutex_);
   // Another thread has moved on already.
   if (link_.get() != &link) return !begun;
-  const bool next = servers_.MoveOn(active);
-  if (servers_.current() != link.address) link_ = MakeLink(servers_.current());
+  bool next = servers_.MoveOn(active);
+  auto moved = MakeLink(servers_.current());
+  // A server that only the refusal has named, and that this user cannot ask: the refusal says more.
+  if (servers_.current() == active && !moved->credentials.ok()) {
+    next = servers_.MoveOn();
+    moved = MakeLink(servers_.current());
+  }
+  link_ = std::move(moved);
   return next && !begun;
 }
 

@@ -13,6 +13,12 @@
 #include "common/status/status_macros.h"
 
 namespace rigcal::wire {
+namespace {
+
+constexpr size_t kMostServers = 16;
+
+}  // namespace
+
 absl::Status ValidateServerAddress(std::string_view address) {
   if (address.starts_with("unix:/")) return absl::OkStatus();
   if (address.starts_with("http://") || address.starts_with("https://")) {
@@ -48,6 +54,19 @@ absl::StatusOr<ServerList> ServerList::Parse(std::string_view text) {
     servers.push_back(std::move(address));
   }
   return ServerList(std::move(servers));
+}
+
+bool ServerList::Learn(const std::vector<std::string>& servers) {
+  const size_t before = servers_.size();
+  for (const std::string& server : servers) {
+    if (servers_.size() >= kMostServers) break;
+    if (!ValidateServerAddress(server).ok() ||
+        std::ranges::find(servers_, server) != servers_.end()) {
+      continue;
+    }
+    servers_.push_back(server);
+  }
+  return servers_.size() != before;
 }
 
 std::string ServerList::text() const { return absl::StrJoin(servers_, ","); }

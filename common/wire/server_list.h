@@ -36,6 +36,9 @@ class ServerList {
   const std::vector<std::string>& servers() const { return servers_; }
   size_t size() const { return servers_.size(); }
 
+  // Adds those that are not in it, to the end; leaves out what is no address. True: it has changed.
+  bool Learn(const std::vector<std::string>& servers);
+
   // The current one answers: the round of MoveOn begins with it.
   void Settle() {
     moves_ = 0;

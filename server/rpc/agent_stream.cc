@@ -176,6 +176,9 @@ void AgentStream::Register(AgentHello hello) {
   answer.set_server_id(environment_.server_id);
   answer.set_max_message_bytes(environment_.options.max_message_bytes);
   answer.set_max_batch_observations(environment_.options.max_batch_rows);
+  if (environment_.options.servers) {
+    for (const std::string& server : environment_.options.servers()) answer.add_servers(server);
+  }
   for (const StreamPosition& position : connection->positions) {
     *answer.add_positions() = wire::ToProto(position);
   }

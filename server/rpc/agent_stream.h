@@ -8,10 +8,12 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -39,6 +41,8 @@ struct AgentStreamOptions {
   size_t max_streams_without_hello = 64;
   // A stream whose hello does not come in this time is closed.
   std::chrono::milliseconds hello_timeout{10'000};
+  // Addresses of the servers that take turns. Unset: there are no others.
+  std::function<std::vector<std::string>()> servers = {};
 };
 
 // What all agent streams of a server share; outlives them.

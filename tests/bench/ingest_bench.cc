@@ -278,7 +278,7 @@ absl::StatusOr<double> SecondsOfDrain(ServerProcess& server, agent::ObservationS
   RIGCAL_ASSIGN_OR_RETURN(
       const std::unique_ptr<agent::Uplink> uplink,
       agent::Uplink::Create(std::move(options), std::move(sources), &spool,
-                            [](const std::string& address) { return agent::Uplink::MakeChannel(address); }));
+                            [](const std::string& address, bool) { return agent::Uplink::MakeChannel(address); }));
   uplink->Start();
   for (bool connected = false; !connected;) {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<v1::Agent> agents, client.ListAgents());

@@ -117,6 +117,9 @@ absl::Status PostgresRoster::Describe(ServerEntry own) {
 
 absl::Status PostgresRoster::Enter() {
   return With("entering the list of servers", [this](PostgresConnection& connection) {
+    // An earlier run of this server, that was killed.
+    connection.Send("DELETE FROM server WHERE id<>?1 AND host=?2 AND address=?3",
+                    {TextValue(id_), TextValue(own_.host), TextValue(own_.address)});
     connection.Fetch(
         "INSERT INTO server(id, host, address, page, version, start_utc_ns, beat, seen) "
         "VALUES(?1, ?2, ?3, ?4, ?5, ?6, 0, now()) ON CONFLICT(id) DO UPDATE SET host=excluded.host,"

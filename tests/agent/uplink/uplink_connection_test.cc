@@ -94,7 +94,8 @@ TEST_F(UplinkConnections, ConnectsAgainWhenAskedAndLosesNothing) {
 TEST_F(UplinkConnections, DeliversEachObservationOnceInEffectThroughAServersRestart) {
   FakeServer server(0);
   const std::string address = "127.0.0.1:" + std::to_string(server.port());
-  Start(QuickOptions(), "recording", [address](const std::string&) { return Uplink::MakeChannel(address); });
+  Start(QuickOptions(), "recording",
+        [address](const std::string&, bool) { return Uplink::MakeChannel(address); });
   server.WaitForHello(1);
   server.StartCapture("s-1", {"left"});
   left_->YieldRows(0, 1000);
@@ -214,7 +215,8 @@ TEST_F(UplinkConnections, TakesThePositionsOfAnotherStoreAsTheyAre) {
 }
 
 TEST_F(UplinkConnections, EndsWhileNoServerIsThere) {
-  Start(QuickOptions(), "recording", [](const std::string&) { return Uplink::MakeChannel("127.0.0.1:1"); });
+  Start(QuickOptions(), "recording",
+        [](const std::string&, bool) { return Uplink::MakeChannel("127.0.0.1:1"); });
   EXPECT_EQ(uplink_->Shutdown(kPatience).row_count, 0u);
 }
 

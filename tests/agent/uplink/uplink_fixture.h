@@ -43,7 +43,7 @@ class UplinkFixture : public ::testing::Test {
 
   void Start(UplinkOptions options = QuickOptions(),
              const std::string& left_timebase = "recording") {
-    Start(std::move(options), left_timebase, [this](const std::string&) { return server_.Channel(); });
+    Start(std::move(options), left_timebase, [this](const std::string&, bool) { return server_.Channel(); });
   }
   void Start(UplinkOptions options, const std::string& left_timebase,
              Uplink::ChannelFactory make_channel) {

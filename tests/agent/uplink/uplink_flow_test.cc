@@ -159,12 +159,13 @@ TEST_F(UplinkFlow, ReportsWhatASourceRefusesWhileItRuns) {
 
 TEST_F(UplinkFlow, SurvivesWhatAConnectionThrows) {
   std::atomic<int> attempts = 0;
-  Start(QuickOptions(), "recording", [&](const std::string&) -> std::shared_ptr<grpc::Channel> {
-    const int attempt = ++attempts;
-    if (attempt == 1) throw std::bad_alloc();
-    if (attempt == 2) throw 7;
-    return server_.Channel();
-  });
+  Start(QuickOptions(), "recording",
+        [&](const std::string&, bool) -> std::shared_ptr<grpc::Channel> {
+          const int attempt = ++attempts;
+          if (attempt == 1) throw std::bad_alloc();
+          if (attempt == 2) throw 7;
+          return server_.Channel();
+        });
   server_.WaitForHello(1);
   server_.StartCapture("s-1", {"left"});
   left_->YieldRows(0, 100);

@@ -66,6 +66,15 @@ TEST(ServerList, GoesWhereAWaitingServerSays) {
   EXPECT_FALSE(Listed("a:1").MoveOn("no address"));
 }
 
+TEST(ServerList, LearnsOthers) {
+  ServerList servers = Listed("a:1");
+  EXPECT_FALSE(servers.Learn({"a:1", "", "nonsense"}));
+  EXPECT_TRUE(servers.Learn({"b:1", "a:1"}));
+  EXPECT_EQ(servers.text(), "a:1,b:1");
+  EXPECT_TRUE(servers.MoveOn());
+  EXPECT_EQ(servers.current(), "b:1");
+}
+
 TEST(ServerList, TwoThatNameEachOtherKeepNobodyBusy) {
   ServerList servers = Listed("a:1,b:1");
   int moves = 0;

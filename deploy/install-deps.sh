@@ -52,7 +52,7 @@ packages=(
   # the documentation as a site
   mkdocs
   # tests
-  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev postgresql faketime python3-opencv python3-matplotlib python3-yaml
+  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev postgresql pgbouncer faketime python3-opencv python3-matplotlib python3-yaml
 )
 
 # The dashboard and its tests, unless these programs are here from elsewhere.

@@ -13,6 +13,7 @@
 #include <iostream>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/cleanup/cleanup.h"
@@ -66,6 +67,7 @@ struct Flags {
   std::string http_port_file;
   // These override the file.
   std::string listen;
+  std::string advertise;
   std::string data_dir;
   std::string store;
   bool store_unsafe = false;
@@ -83,6 +85,7 @@ absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
   if (!flags.log_level.empty()) config.log_level = flags.log_level;
   if (!flags.log_format.empty()) config.log_format = flags.log_format;
   if (!flags.data_dir.empty()) config.data_dir = flags.data_dir;
+  if (!flags.advertise.empty()) config.advertise = WithPort(flags.advertise, kUsualPort);
   if (!flags.store.empty()) config.store = flags.store;
   if (flags.store_unsafe) config.store_unsafe = true;
   if (!flags.docs_dir.empty()) config.docs_dir = flags.docs_dir;
@@ -122,8 +125,8 @@ absl::StatusOr<std::filesystem::path> PrepareIdentity(const ServerConfig& config
       !std::filesystem::exists(IdentityDirectory(config.data_dir) / "server.crt", ignored)) {
     return std::filesystem::path();
   }
-  RIGCAL_RETURN_IF_ERROR(
-      EnsureServerIdentity(config.data_dir, CertificateHosts(config.listen, config.https.listen)));
+  RIGCAL_RETURN_IF_ERROR(EnsureServerIdentity(
+      config.data_dir, CertificateHosts(config.advertise, config.listen, config.https.listen)));
   return IdentityDirectory(config.data_dir);
 }
 
@@ -290,7 +293,8 @@ ServerEntry OwnEntry(const ServerConfig& config, int port, const WebServer* web)
   std::array<char, 256> host{};
   gethostname(host.data(), host.size() - 1);
   ServerEntry entry{.host = host.data(),
-                    .address = AddressForOthers(config.listen, port),
+                    .address = config.advertise.empty() ? AddressForOthers(config.listen, port)
+                                                        : config.advertise,
                     .version = std::string(wire::kSoftwareVersion),
                     .start_utc_ns = UtcNowNs({})};
   if (web != nullptr) {
@@ -335,6 +339,7 @@ absl::StatusOr<WaitingPorts> OpenWaitingPorts(const ServerConfig& config, const 
   };
   RIGCAL_ASSIGN_OR_RETURN(ports.web, WebServer::Open({.data_dir = config.data_dir,
                                                       .grpc_listen = config.listen,
+                                                      .advertised = config.advertise,
                                                       .https_listen = config.https.listen,
                                                       .hosts = HostsOf(config.https.hosts),
                                                       .plain_loopback = HasOpenLoopback(config),
@@ -461,6 +466,7 @@ absl::StatusOr<End> Serve(ServerConfig& config, const Flags& flags) {
       WebServer::Open(
           {.data_dir = config.data_dir,
            .grpc_listen = config.listen,
+           .advertised = config.advertise,
            .https_listen = config.https.listen,
            .hosts = HostsOf(config.https.hosts),
            .plain_loopback = HasOpenLoopback(config),
@@ -607,6 +613,11 @@ int Run(int argc, char** argv) {
          "one); the dashboard and the JSON API are at the port behind it, unless the "
          "configuration names one under [https]")
       ->type_name("HOST[:PORT]");
+  app.add_option(
+         "--advertise", flags.advertise,
+         "Address that others are told, where it is not that of this PC: of a container, or "
+         "behind a router; it gets into the certificate and into join strings")
+      ->type_name("HOST[:PORT]");
   app.add_option("--data-dir", flags.data_dir,
                  "Folder of the database (default $XDG_DATA_HOME/rigcal or ~/.local/share/rigcal)")
       ->type_name("DIR");
@@ -642,11 +653,13 @@ int Run(int argc, char** argv) {
 
   StartLog("rigcal-server");
   absl::Status status = ActivateFailpoints();
-  if (!flags.listen.empty()) {
-    const absl::Status address = ParseHostPort(WithPort(flags.listen, kUsualPort)).status();
+  for (const auto& [option, given] :
+       {std::pair{"--listen", &flags.listen}, std::pair{"--advertise", &flags.advertise}}) {
+    if (given->empty()) continue;
+    const absl::Status address = ParseHostPort(WithPort(*given, kUsualPort)).status();
     if (!address.ok()) {
       return Refuse(
-          absl::InvalidArgumentError(absl::StrCat("--listen: ", std::string(address.message()))),
+          absl::InvalidArgumentError(absl::StrCat(option, ": ", std::string(address.message()))),
           kUsageExitCode);
     }
   }

@@ -55,6 +55,8 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   ServerConfig config;
   OptionTable options, https, tls, discovery, limits, retention;
   AddAddress("listen", &config.listen, 0, "where the server listens", &options);
+  AddAddress("advertise", &config.advertise, 1,
+             "that others are told, where it is not that of this PC", &options);
   options.AddPath("data_dir", &config.data_dir, "of the store");
   options.Add("store", &config.store, "postgresql://USER@HOST/DATABASE",
               "the database, where it is not in data_dir");

@@ -73,6 +73,7 @@ struct ServerConfig {
   std::string listen = "127.0.0.1:7420";  // HOST:PORT; port 0: any free one
   std::string data_dir;                   // empty: DefaultDataDirectory()
   // Of the database, where that is not in data_dir: postgresql://USER@HOST/DATABASE. Empty: it is.
+  std::string advertise;  // HOST:PORT that others are told; empty: from `listen`
   std::string store;
   bool store_unsafe = false;        // take a PostgreSQL server with fsync off
   std::string docs_dir;             // of the documentation; empty: where rigcal-doc has it

@@ -47,9 +47,11 @@ bool NeedsTls(const WebServerOptions& options) {
 
 }  // namespace
 
-std::vector<std::string> CertificateHosts(const std::string& grpc_listen,
+std::vector<std::string> CertificateHosts(const std::string& advertised,
+                                          const std::string& grpc_listen,
                                           const std::string& https_listen) {
   std::vector<std::string> hosts = ReachableHosts(HostOf(grpc_listen));
+  if (!advertised.empty()) hosts.insert(hosts.begin(), HostOf(advertised));
   if (https_listen.empty()) return hosts;
   for (std::string& host : ReachableHosts(HostOf(https_listen))) hosts.push_back(std::move(host));
   return hosts;
@@ -60,7 +62,8 @@ absl::StatusOr<std::unique_ptr<WebServer>> WebServer::Open(WebServerOptions opti
   const bool tls = NeedsTls(options);
   if (tls) {
     RIGCAL_RETURN_IF_ERROR(EnsureServerIdentity(
-        options.data_dir, CertificateHosts(options.grpc_listen, options.https_listen)));
+        options.data_dir,
+        CertificateHosts(options.advertised, options.grpc_listen, options.https_listen)));
     if (options.waiting) {
       // Its files are those of the other server.
     } else if (HasForeignCa(IdentityDirectory(options.data_dir))) {
@@ -175,7 +178,8 @@ bool WebServer::IsOwnHost(const std::string& host) {
 
 void WebServer::TellAddresses() {
   std::set<std::string> hosts;
-  for (const std::string& host : CertificateHosts(options_.grpc_listen, WebAddress(options_))) {
+  for (const std::string& host :
+       CertificateHosts(options_.advertised, options_.grpc_listen, WebAddress(options_))) {
     hosts.insert(absl::AsciiStrToLower(host));
   }
   for (const std::string& host : options_.hosts) hosts.insert(absl::AsciiStrToLower(host));
@@ -184,7 +188,10 @@ void WebServer::TellAddresses() {
     hosts_ = std::move(hosts);
   }
   if (authority_ == nullptr) return;
-  authority_->SetAddresses({.hosts = ReachableHosts(HostOf(options_.grpc_listen)),
+  std::vector<std::string> reachable = ReachableHosts(HostOf(options_.grpc_listen));
+  if (!options_.advertised.empty())
+    reachable.insert(reachable.begin(), HostOf(options_.advertised));
+  authority_->SetAddresses({.hosts = std::move(reachable),
                             .grpc_port = grpc_port_,
                             .https_port = static_cast<uint16_t>(port_)});
 }
@@ -192,7 +199,8 @@ void WebServer::TellAddresses() {
 void WebServer::Refresh() {
   if (tls_) {
     const absl::Status status = EnsureServerIdentity(
-        options_.data_dir, CertificateHosts(options_.grpc_listen, options_.https_listen));
+        options_.data_dir,
+        CertificateHosts(options_.advertised, options_.grpc_listen, options_.https_listen));
     if (!status.ok()) {
       spdlog::error("the server's certificate was not renewed: {}", std::string(status.message()));
     }

@@ -23,6 +23,8 @@ namespace rigcal::server {
 struct WebServerOptions {
   std::filesystem::path data_dir;
   std::string grpc_listen;  // HOST:PORT
+  // HOST:PORT of gRPC under which others are told to reach it; empty: as grpc_listen says.
+  std::string advertised = {};
   // HOST:PORT; empty: the host of grpc_listen, port 7421 (any free one where gRPC takes any, or
   // where it is in use and only this machine could reach it).
   std::string https_listen;
@@ -43,9 +45,10 @@ struct WebServerParts {
   std::function<std::string()> metrics;  // for /metrics, in the text format of Prometheus
 };
 
-// What the server's certificate is for: where others reach the two addresses (HOST:PORT; the second
-// may be empty).
-std::vector<std::string> CertificateHosts(const std::string& grpc_listen,
+// What the server's certificate is for: `advertised` (HOST:PORT; may be empty), and where others
+// reach the two addresses (HOST:PORT; the second may be empty).
+std::vector<std::string> CertificateHosts(const std::string& advertised,
+                                          const std::string& grpc_listen,
                                           const std::string& https_listen);
 
 // The port for browsers and for PCs that join: the dashboard, the JSON API, enrolment, metrics.

@@ -16,7 +16,7 @@ namespace {
 constexpr timespec kTurnInterval{.tv_sec = 0, .tv_nsec = 200'000'000};
 
 std::string NameOf(const ServerEntry& server) {
-  if (server.address.empty()) return "a command of rigcal-server that works on the database";
+  if (server.address.empty()) return "another rigcal-server, or a command of it,";
   return absl::StrCat("the server at ", server.address, " (PC ", server.host, ")");
 }
 

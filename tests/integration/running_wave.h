@@ -40,11 +40,10 @@ inline uint64_t StoredCount(const std::string& address) {
 // Agents that capture for as long as it takes, and a server that is killed at random instants.
 class RunningWave : public ::testing::Test {
  protected:
-  static constexpr int kCameras = 3;
-
   // `store`: "sqlite" or "postgresql". `duration_s`: far more than is captured. `spare_count`:
   // servers of the same database that wait for their turn.
-  RunningWave(const std::string& store, int duration_s, int spare_count = 0) {
+  RunningWave(const std::string& store, int duration_s, int spare_count = 0, int cameras = 3)
+      : camera_count_(cameras) {
     if (store == "postgresql") {
       cluster_ = std::make_unique<PostgresCluster>(PostgresCluster::Options{});  // fsync is on
       store_arguments_ = {"--store", cluster_->Url(cluster_->CreateDatabase())};
@@ -55,13 +54,13 @@ class RunningWave : public ::testing::Test {
       spares_.push_back(StartServer(0, absl::StrCat("store", i + 1)));
       absl::StrAppend(&servers, ",", spares_.back()->address());
     }
-    options_.camera_count = kCameras;
+    options_.camera_count = cameras;
     options_.duration_s = duration_s;
-    for (int i = 0; i < kCameras; ++i) {
+    for (int i = 0; i < cameras; ++i) {
       agents_.push_back(std::make_unique<Process>(Process::Options{
           {"rigcal-agent", "--server", servers, "--state-dir",
            (directory_.path() / ("agent" + std::to_string(i))).string(), "--source",
-           absl::StrCat("sim:camera=", i, ";cameras=", kCameras, ";duration=", options_.duration_s,
+           absl::StrCat("sim:camera=", i, ";cameras=", cameras, ";duration=", options_.duration_s,
                         ";speed=8")},
           {}}));
     }
@@ -87,7 +86,7 @@ class RunningWave : public ::testing::Test {
   void Begin() {
     ASSERT_TRUE(WaitFor([&] {
       const auto listed = ServerClient(server_->address()).ListAgents();
-      return listed.ok() && listed->size() == kCameras;
+      return listed.ok() && listed->size() == static_cast<size_t>(camera_count_);
     })) << agents_[0]->StandardError();
     ASSERT_THAT(ServerClient(server_->address()).CreateSession(WandSession()), IsOk());
     ASSERT_THAT(ServerClient(server_->address()).StartSession("wave"), IsOk());
@@ -95,7 +94,7 @@ class RunningWave : public ::testing::Test {
 
   // The capture ends once it has enough; every observation is stored once.
   void ExpectNothingLostAndTheSameResult() {
-    const uint64_t enough = 3 * 400;
+    const uint64_t enough = uint64_t{400} * static_cast<uint64_t>(camera_count_);
     const std::string active = Active();
     ASSERT_TRUE(WaitFor([&] { return StoredCount(active) >= enough; }))
         << agents_[0]->StandardError();
@@ -161,6 +160,7 @@ class RunningWave : public ::testing::Test {
   std::vector<std::string> store_arguments_;
   std::unique_ptr<ServerProcess> server_;
   std::vector<std::unique_ptr<ServerProcess>> spares_;
+  const int camera_count_;
   SimulationOptions options_;
   std::vector<std::unique_ptr<Process>> agents_;
   double longest_restart_s_ = 0;

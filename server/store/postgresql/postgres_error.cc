@@ -46,6 +46,10 @@ absl::Status StatusFromPostgres(const PostgresError& error, std::string_view wha
     return absl::FailedPreconditionError(absl::StrCat(
         reason, "; make the user of the server the owner of the database and its tables"));
   }
+  // The statements of a session are not those that were prepared in it.
+  if (code == "42P05" || code == "26000") {
+    return absl::FailedPreconditionError(absl::StrCat(reason, "; ", kPoolerAdvice));
+  }
   return absl::InternalError(reason);
 }
 

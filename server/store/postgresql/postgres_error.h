@@ -9,6 +9,10 @@
 
 namespace rigcal::server {
 
+inline constexpr char kPoolerAdvice[] =
+    "a pooler between gives each transaction another session; connect to PostgreSQL itself, or set "
+    "pool_mode = session for this database (rigcal-server needs three connections)";
+
 // A statement that failed. `sqlstate` is PostgreSQL's code (appendix "Error Codes" of its manual),
 // or one of these two.
 class PostgresError : public std::runtime_error {

@@ -21,10 +21,7 @@ std::string Setting(PostgresConnection& connection, const std::string& name) {
 }
 
 absl::Status PoolerFound(const PostgresConnection& connection) {
-  return Refused(connection,
-                 "a pooler between gives each transaction another session; connect to PostgreSQL "
-                 "itself, or set pool_mode = session for this database (rigcal-server needs two "
-                 "connections)");
+  return Refused(connection, kPoolerAdvice);
 }
 
 }  // namespace

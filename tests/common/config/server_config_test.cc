@@ -45,7 +45,7 @@ TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
     keys += line.find(" = ") != std::string::npos ? 1 : 0;
     text += (line.substr(0, 1) == "#" ? line.substr(1) : line) + "\n";
   }
-  EXPECT_EQ(keys, 30);
+  EXPECT_EQ(keys, 31);
   ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(text));
   EXPECT_EQ(config.listen, ServerConfig().listen);
   EXPECT_EQ(config.log_level, ServerConfig().log_level);
@@ -58,6 +58,7 @@ TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
 TEST_F(ServerConfigTest, TakesEveryKey) {
   ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(R"(
 listen = "[::1]:0"
+advertise = "rig-a:7420"
 data_dir = "data"
 store = "postgresql://rigcal@db/rigcal"
 store_unsafe = true

@@ -111,6 +111,26 @@ TEST_F(WebServer, ThisMachineNeedsNoCertificateAndNoSignIn) {
   EXPECT_THAT(Plain(Request("GET /v1/ca")), StartsWith("HTTP/1.1 404"));
 }
 
+TEST_F(WebServer, OneThatWaitsSaysWhoAnswersAndMakesNoKeys) {
+  options_.https_listen = "127.0.0.1:0";
+  options_.waiting = [] {
+    return server::WaitingNotice{.message = "<b> waits & says so",
+                                 .active_page = "https://10.0.0.5:7421/"};
+  };
+  Start();
+  EXPECT_EQ(server_->authority(), nullptr);
+  const std::string page = Plain(Request("GET /"));
+  EXPECT_THAT(page, StartsWith("HTTP/1.1 503"));
+  EXPECT_THAT(BodyOf(page), AllOf(HasSubstr("&lt;b&gt; waits &amp; says so"),
+                                  HasSubstr("href=\"https://10.0.0.5:7421/\"")));
+  EXPECT_THAT(Plain(Request("GET /healthz")), StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(Plain(Request("GET /readyz")), StartsWith("HTTP/1.1 503"));
+  const std::string answer = Plain(Request("GET /v1/sessions"));
+  EXPECT_THAT(answer, AllOf(StartsWith("HTTP/1.1 503"), HasSubstr("\"code\":\"UNAVAILABLE\"")));
+  EXPECT_THAT(Plain(Request("POST /v1/enrol", "X-Rigcal: 1\r\n", "{}")),
+              StartsWith("HTTP/1.1 503"));
+}
+
 TEST_F(WebServer, TakesAnotherPortWhereItsOwnIsInUse) {
   options_.grpc_listen = "127.0.0.1:7420";
   Start();

@@ -3,15 +3,22 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "server/store/postgresql/postgres_schema.h"
 #include "server/store/postgresql/postgres_start_check.h"
 #include "server/store/postgresql/postgres_store.h"
 #include "tests/testing/postgres_cluster.h"
+#include "tests/testing/process.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::postgres_refusals_test {
@@ -19,7 +26,9 @@ namespace {
 
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::PostgresCluster;
+using ::rigcal::testing::Process;
 using ::rigcal::testing::StatusIs;
+using ::rigcal::testing::WaitFor;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -86,6 +95,41 @@ TEST_F(PostgresRefusals, ADatabaseInUse) {
                                          HasSubstr("this PC"), HasSubstr("stop that one"))));
   }
   EXPECT_THAT(Open(url), IsOk());
+}
+
+TEST_F(PostgresRefusals, APoolerThatGivesEachTransactionAnotherSession) {
+  const std::string program = "/usr/sbin/pgbouncer";
+  if (!std::filesystem::exists(program)) GTEST_SKIP() << "install the package pgbouncer";
+  PostgresCluster cluster({.fsync = false});
+  const std::string database = cluster.CreateDatabase();
+  const std::string folder = cluster.socket_folder().string();
+  for (const char* mode : {"transaction", "statement", "session"}) {
+    const std::string file = absl::StrCat(folder, "/", mode, ".ini");
+    std::ofstream(file) << "[databases]\n* = host=" << folder
+                        << " user=rigcal\n[pgbouncer]\nlisten_addr =\nlisten_port = 6432\n"
+                           "auth_type = any\nignore_startup_parameters = options\n"
+                        << "unix_socket_dir = " << folder << "\npool_mode = " << mode << "\n";
+    std::vector<std::string> arguments = {program, "-q"};
+    if (geteuid() == 0) arguments.insert(arguments.end(), {"-u", "postgres"});
+    arguments.push_back(file);
+    Process pooler({arguments, {}});
+    ASSERT_TRUE(WaitFor([&] { return std::filesystem::exists(folder + "/.s.PGSQL.6432"); }))
+        << pooler.StandardError();
+    const std::string url =
+        absl::StrCat("postgresql://rigcal@/", database, "?host=", folder, "&port=6432");
+    const absl::Status opened = Open(url);
+    if (std::string_view(mode) == "session") {
+      EXPECT_THAT(opened, IsOk());
+    } else if (std::string_view(mode) == "transaction") {
+      EXPECT_THAT(opened, Refused(HasSubstr("pool_mode = session")));
+    } else {
+      // The pooler says it itself.
+      EXPECT_THAT(opened, StatusIs(absl::StatusCode::kUnavailable,
+                                   HasSubstr("not allowed in statement pooling mode")));
+    }
+    pooler.Signal(SIGINT);
+    pooler.Wait();
+  }
 }
 
 TEST_F(PostgresRefusals, AServerThatDoesNotWriteThrough) {

@@ -53,7 +53,7 @@
 #include "server/session/utc_clock.h"
 #include "server/store/factory/open_store.h"
 #include "server/store/server_roster.h"
-#include "server/store/sqlite/data_directory.h"
+#include "server/store/data_directory.h"
 #include "server/turn/wait_for_turn.h"
 
 namespace rigcal::server {

@@ -16,7 +16,7 @@
 #include "common/file/private_folder.h"
 #include "common/status/status_macros.h"
 #include "server/store/record_checksum.h"
-#include "server/store/sqlite/data_directory.h"
+#include "server/store/data_directory.h"
 #include "server/store/sqlite/database_backup.h"
 #include "server/store/sqlite/sqlite_connection.h"
 #include "server/store/sqlite/sqlite_schema.h"

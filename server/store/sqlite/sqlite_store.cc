@@ -9,8 +9,9 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
+#include "common/file/private_folder.h"
 #include "common/status/status_macros.h"
-#include "server/store/sqlite/data_directory.h"
+#include "server/store/data_directory.h"
 #include "server/store/sqlite/sqlite_connection.h"
 #include "server/store/sqlite/sqlite_schema.h"
 
@@ -37,6 +38,9 @@ absl::StatusOr<std::unique_ptr<SqliteStore>> SqliteStore::Open(const SqliteStore
   }
   std::unique_ptr<SqliteStore> store(new SqliteStore(options));
   RIGCAL_ASSIGN_OR_RETURN(store->directory_, DataDirectory::Open(options.data_directory));
+  // SQLite gives its other files the mode of the database, and would follow a link. Closed again
+  // before SQLite opens it: no lock of its gets lost.
+  RIGCAL_RETURN_IF_ERROR(OpenPrivateFile(store->directory_->database_file()).status());
   absl::Status opened = store->OpenDatabase();
   if (absl::IsResourceExhausted(opened)) {
     // A database of an earlier release is brought up to date, which takes room.

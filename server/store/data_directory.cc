@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/store/sqlite/data_directory.h"
+#include "server/store/data_directory.h"
 
 #include <fcntl.h>
 #include <spdlog/spdlog.h>
@@ -68,11 +68,8 @@ absl::StatusOr<std::unique_ptr<DataDirectory>> DataDirectory::Open(
   if (ftruncate(lock.get(), 0) == 0) {
     [[maybe_unused]] const ssize_t written = pwrite(lock.get(), pid.data(), pid.size(), 0);
   }
-  // SQLite gives its other files the mode of the database, and would follow a link. Closed again
-  // before SQLite opens it: no lock of its gets lost.
   std::unique_ptr<DataDirectory> directory(
       new DataDirectory(path, std::move(lock), std::move(folder)));
-  RIGCAL_RETURN_IF_ERROR(OpenPrivateFile(directory->database_file()).status());
   RemoveUnfinishedFiles(path);
   RemoveUnfinishedFiles(path / kIdentityFolder);
   RIGCAL_RETURN_IF_ERROR(directory->MakePrivate(was_open));

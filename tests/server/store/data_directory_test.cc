@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/store/sqlite/data_directory.h"
+#include "server/store/data_directory.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -66,5 +66,30 @@ TEST_F(DatabaseCrashes, CommandsOfItsCareSayWhoDoesIt) {
               AllOf(HasSubstr("rigcal@127.0.0.1:1/rigcal"), Not(HasSubstr("secret"))));
 }
 
+class DatabaseReplicated : public RunningWave {
+ protected:
+  DatabaseReplicated()
+      : RunningWave(PostgresCluster::Installed() ? "replicated" : "sqlite", 400,
+                    PostgresCluster::Installed() ? 1 : 0) {}
+  void SetUp() override {
+    if (cluster_ == nullptr) {
+      GTEST_SKIP() << "no PostgreSQL server in /usr/lib/postgresql: install the package postgresql";
+    }
+  }
+};
+
+TEST_F(DatabaseReplicated, ASynchronousStandbyIsPromotedAndNothingIsLost) {
+  Begin();
+  const uint64_t before = StoredCount(Active());
+  ASSERT_TRUE(WaitFor([&] { return StoredCount(Active()) > before; }))
+      << server_->process().StandardError();
+  ASSERT_EQ(cluster_->Sql("postgres", "SELECT sync_state FROM pg_stat_replication"), "sync");
+  cluster_->StopAtOnce();
+  standby_->Promote();
+  ASSERT_TRUE(WaitFor([&] { return StoredCount(Active()) > before + 100; }))
+      << server_->process().StandardError();
+  ExpectNothingLostAndTheSameResult();
+}
+
 }  // namespace
 }  // namespace rigcal::testing::database_crashes_test

@@ -40,14 +40,16 @@ inline uint64_t StoredCount(const std::string& address) {
 // Agents that capture for as long as it takes, and a server that is killed at random instants.
 class RunningWave : public ::testing::Test {
  protected:
-  // `store`: "sqlite" or "postgresql". `duration_s`: far more than is captured. `spare_count`:
-  // servers of the same database that wait for their turn.
+  // `store`: "sqlite", "postgresql", or "replicated": that with a synchronous standby.
+  // `duration_s`: far more than is captured. `spare_count`: servers of the same database that wait
+  // for their turn.
   RunningWave(const std::string& store, int duration_s, int spare_count = 0, int cameras = 3)
       : camera_count_(cameras) {
-    if (store == "postgresql") {
+    if (store != "sqlite") {
       cluster_ = std::make_unique<PostgresCluster>(PostgresCluster::Options{});  // fsync is on
       store_arguments_ = {"--store", cluster_->Url(cluster_->CreateDatabase())};
     }
+    if (store == "replicated") Replicate();
     server_ = StartServer(0);
     std::string servers = server_->address();
     for (int i = 0; i < spare_count; ++i) {
@@ -64,6 +66,18 @@ class RunningWave : public ::testing::Test {
                         ";speed=8")},
           {}}));
     }
+  }
+
+  void Replicate() {
+    standby_ = cluster_->MakeStandby();
+    standby_->Start();
+    // Of the primary alone: the standby has none when it is promoted.
+    cluster_->Sql("postgres", "ALTER SYSTEM SET synchronous_standby_names = '*'");
+    cluster_->Sql("postgres", "SELECT pg_reload_conf()");
+    // postgresql://rigcal@HOST/DATABASE: both hosts.
+    const std::string beginning = "postgresql://rigcal@";
+    const std::string other = standby_->Url("").substr(beginning.size());
+    store_arguments_.at(1).insert(beginning.size(), other.substr(0, other.size() - 1) + ",");
   }
 
   std::unique_ptr<ServerProcess> StartServer(int port, const std::string& folder = "store") const {
@@ -157,6 +171,7 @@ class RunningWave : public ::testing::Test {
   }();
   const TemporaryDirectory directory_;
   std::unique_ptr<PostgresCluster> cluster_;  // null: the database is the server's own
+  std::unique_ptr<PostgresCluster> standby_;  // of cluster_; null: there is none
   std::vector<std::string> store_arguments_;
   std::unique_ptr<ServerProcess> server_;
   std::vector<std::unique_ptr<ServerProcess>> spares_;

@@ -11,7 +11,7 @@ import numpy as np
 
 from rigcal.calibration import Calibration
 from rigcal.calibration_job import CalibrationJob, fetch_calibration
-from rigcal.connection import ServerConnection, Service
+from rigcal.connection import Service, connect
 from rigcal.errors import RigcalError
 from rigcal.exports import write_export
 from rigcal.identity import UserIdentity, default_address, join_server
@@ -41,7 +41,8 @@ class Client:
     def __init__(self, address: str | None = None):
         """
         Args:
-            address: HOST:PORT of the gRPC port, or "unix:/PATH". None: as `rigcal` chooses it:
+            address: HOST:PORT of the gRPC port, or "unix:/PATH"; several servers that take turns,
+                with commas between: the one that answers now. None: as `rigcal` chooses it:
                 $RIGCAL_SERVER, else the server that this user has joined, else a server of this
                 user on this PC, else 127.0.0.1:7420.
 
@@ -49,7 +50,7 @@ class Client:
             RigcalError: It is no address, or this user has no certificate for another PC's server.
         """
         identity = UserIdentity.of_user()
-        self._connection = ServerConnection(address or default_address(identity), identity)
+        self._connection = connect(address or default_address(identity), identity)
 
     @classmethod
     def join(cls, join_string: str, name: str | None = None) -> "Client":

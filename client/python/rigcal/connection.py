@@ -15,6 +15,9 @@ from rigcal.identity import UserIdentity, is_on_this_machine
 from rigcal.version import VERSION
 
 CALL_TIMEOUT_S = 10.0
+_PROBE_TIMEOUT_S = 3.0
+# How a server answers that waits for its turn.
+_NOT_ACTIVE = "this server is not the active one"
 
 # The files of proto/rigcal/v1 with services.
 SERVICE_FILES = (
@@ -99,6 +102,8 @@ class ServerConnection:
         """The server's message as it is, or what keeps it from giving one."""
         code, details = error.code(), error.details() or ""
         name = code.name
+        if code == grpc.StatusCode.UNAVAILABLE and details.startswith(_NOT_ACTIVE):
+            return RigcalError(details, name)
         if code == grpc.StatusCode.UNAVAILABLE:
             cause = details.rpartition(": ")[2]
             return RigcalError(
@@ -140,6 +145,25 @@ class ServerConnection:
             request_serializer=lambda message: message.SerializeToString(),
             response_deserializer=response.FromString,
         )
+
+
+def connect(addresses: str, identity: UserIdentity) -> ServerConnection:
+    """To the server, or of several with commas between to the first that answers.
+
+    RigcalError: as ServerConnection. Where none answers, the last one is returned, and calls say why.
+    """
+    connections = [ServerConnection(text.strip(), identity) for text in addresses.split(",")]
+    while len(connections) > 1:
+        try:
+            connections[0].service("status").GetStatus(timeout_s=_PROBE_TIMEOUT_S)
+            break
+        except RigcalError as error:
+            if error.code not in ("UNAVAILABLE", "DEADLINE_EXCEEDED"):
+                break
+            connections.pop(0).close()
+    for other in connections[1:]:
+        other.close()
+    return connections[0]
 
 
 class Service:

@@ -291,6 +291,15 @@ class Errors(unittest.TestCase):
             with self.assertRaisesRegex(RigcalError, "is no server address; give HOST:PORT"):
                 rigcal.Client(address)
 
+    def test_of_several_servers_the_one_that_answers(self):
+        with rigcal.Client(f"127.0.0.1:1, {RIG.address}") as client:
+            self.assertEqual(client.version(), self.client.version())
+        with rigcal.Client("127.0.0.1:1,127.0.0.1:2") as client:
+            with self.assertRaisesRegex(RigcalError, "127.0.0.1:2"):
+                client.version()
+        with self.assertRaisesRegex(RigcalError, "'' is no server address"):
+            rigcal.Client(RIG.address + ",")
+
     def test_a_call_that_the_server_does_not_know_names_the_version(self):
         connection = self.client._connection
         call = connection.multi_callable(

@@ -16,6 +16,7 @@
 #include "common/calibration/calibration_record.h"
 #include "common/session/session.h"
 #include "common/session/stream_audit.h"
+#include "server/store/calibration_job.h"
 #include "server/store/delivery.h"
 #include "server/store/record_list.h"
 
@@ -121,6 +122,37 @@ class Store {
       const CalibrationFilter& filter, const ListPage& page) const = 0;
   // FAILED_PRECONDITION: it is queued or running, or the active one of its rig.
   virtual absl::Status DeleteCalibration(std::string_view id) = 0;
+
+  // --- Jobs ---
+  // A calibration that has not ended is a job too, for whoever solves it: the server, and each
+  // rigcal-worker where the store is shared by several processes. Who claims a job holds it for
+  // kJobLease after its last heartbeat; in a store of one process until the job is ended.
+
+  // Several processes take jobs from this store.
+  virtual bool jobs_are_shared() const = 0;
+  // The oldest job of the holder's software version that nobody holds, and begins its calibration.
+  // None: there is none.
+  virtual absl::StatusOr<std::optional<ClaimedJob>> ClaimJob(const JobHolder& holder,
+                                                             const ClaimOptions& options) = 0;
+  // The heartbeat; whether it is to be cancelled. ABORTED: the claim counts no more.
+  virtual absl::StatusOr<bool> RenewJob(const JobClaim& claim, const JobProgress& progress) = 0;
+  // Ends the job with what became of its calibration, or gives it back (kQueued). Once: a second
+  // call with the same claim and state changes nothing. ABORTED: the claim counts no more, and
+  // nothing is stored.
+  virtual absl::Status FinishJob(const JobClaim& claim, const Calibration& calibration) = 0;
+  // Ends a queued calibration as cancelled, and asks the holder of a running one to do so. As it is
+  // then; one that has ended stays as it is.
+  virtual absl::StatusOr<Calibration> CancelJob(std::string_view id, int64_t utc_ns) = 0;
+  // Those that have not ended, the oldest first.
+  virtual absl::StatusOr<std::vector<CalibrationJob>> ListJobs() const = 0;
+  // For a server that starts on this store: what earlier servers held is queued again (in a store
+  // of one process: all), and what nobody holds is for its software version.
+  virtual absl::Status AdoptJobs(std::string_view software_version) = 0;
+
+  // The heartbeat of a rigcal-worker, also of one without a job; and its end.
+  virtual absl::Status NoteWorker(const JobHolder& holder) = 0;
+  virtual absl::Status ForgetWorker(const JobHolder& holder) = 0;
+  virtual absl::StatusOr<std::vector<SolveWorker>> ListWorkers() const = 0;
 
   // --- Rigs ---
   // Those that have a session or a calibration, by name.

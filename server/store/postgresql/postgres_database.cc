@@ -81,6 +81,11 @@ std::unique_ptr<SqlStatementDriver> PostgresDatabase::Prepare(const std::string&
   return std::make_unique<PostgresStatement>(this, sql);
 }
 
+std::string PostgresDatabase::NowMs() const {
+  // Not now(): that one stands still within a transaction.
+  return "CAST(floor(extract(epoch FROM clock_timestamp())*1000) AS BIGINT)";
+}
+
 absl::Status PostgresDatabase::StatusOf(const std::exception& error, std::string_view what) const {
   if (const auto* of_postgres = dynamic_cast<const PostgresError*>(&error)) {
     return StatusFromPostgres(*of_postgres, what,

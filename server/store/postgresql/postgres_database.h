@@ -25,6 +25,8 @@ class PostgresDatabase final : public SqlDatabase {
   const PostgresAddress& address() const { return address_; }
 
   std::unique_ptr<SqlStatementDriver> Prepare(const std::string& sql) override;
+  std::string NowMs() const override;
+  std::string SkipLocked() const override { return " FOR UPDATE SKIP LOCKED"; }
   absl::Status StatusOf(const std::exception& error, std::string_view what) const override;
 
  private:

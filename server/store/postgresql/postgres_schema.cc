@@ -190,11 +190,14 @@ INSERT INTO identity(server_id) VALUES(replace(gen_random_uuid()::text, '-', '')
 INSERT INTO writer(owner, transaction) VALUES(0, 0);
 )sql";
 
-// Several servers that take turns.
+// Several servers that take turns, and a queue of calibrations.
 //
 // writer.server: the row of `server` that has the turn; NULL: a command that runs by itself.
 // server: `beat` grows with each sign of life. document: files that each of them needs, with a
 // version that grows with each change of any; without a body it was removed.
+//
+// calibration_job, calibration_worker: the queue of calibrations, and the processes that take from it. Times are of the database's
+// clock, milliseconds since 1970. See server/store/calibration_job.h.
 constexpr char kVersion2[] = R"sql(
 ALTER TABLE writer ADD COLUMN server TEXT COLLATE "C";
 CREATE TABLE server(
@@ -212,7 +215,33 @@ CREATE TABLE document(
   body BYTEA,
   version BIGINT NOT NULL
 );
-UPDATE rigcal_schema SET version=2;
+CREATE TABLE calibration_job(
+  calibration_number BIGINT PRIMARY KEY REFERENCES calibration(number) ON DELETE CASCADE,
+  state BIGINT NOT NULL,
+  software_version TEXT COLLATE "C" NOT NULL,
+  attempts BIGINT NOT NULL DEFAULT 0,
+  fence BIGINT NOT NULL DEFAULT 0,
+  cancel BIGINT NOT NULL DEFAULT 0,
+  holder_host TEXT COLLATE "C" NOT NULL DEFAULT '',
+  holder_pid BIGINT NOT NULL DEFAULT 0,
+  holder_version TEXT COLLATE "C" NOT NULL DEFAULT '',
+  holder_is_server BIGINT NOT NULL DEFAULT 0,
+  lease_end_ms BIGINT NOT NULL DEFAULT 0,
+  stage BIGINT NOT NULL DEFAULT 0,
+  fraction_ppm BIGINT NOT NULL DEFAULT 0,
+  not_responding BIGINT NOT NULL DEFAULT 0
+) WITH (fillfactor=50);
+CREATE INDEX unfinished_job ON calibration_job(calibration_number) WHERE state<=2;
+CREATE TABLE calibration_worker(
+  host TEXT COLLATE "C" NOT NULL,
+  pid BIGINT NOT NULL,
+  software_version TEXT COLLATE "C" NOT NULL,
+  start_ms BIGINT NOT NULL,
+  heartbeat_ms BIGINT NOT NULL,
+  PRIMARY KEY(host, pid)
+);
+INSERT INTO calibration_job(calibration_number, state, software_version)
+  SELECT number, 1, '' FROM calibration WHERE state<=2;
 )sql";
 
 // Each brings a database of the version that is its index to the next one.
@@ -255,6 +284,9 @@ absl::Status Migrate(PostgresConnection& connection) {
   RIGCAL_ASSIGN_OR_RETURN(const int64_t version, ReadVersion(connection));
   for (int64_t from = version; from < kPostgresSchemaVersion; ++from) {
     connection.Run(kMigrations[from]);
+  }
+  if (version != kPostgresSchemaVersion) {
+    connection.Run(absl::StrCat("UPDATE rigcal_schema SET version=", kPostgresSchemaVersion));
   }
   if (connection.Run("SELECT server_id FROM identity").size() == 1) return absl::OkStatus();
   return absl::DataLossError(

@@ -36,6 +36,7 @@ class PostgresStore final : public SqlStore {
   StoreHealth Health() const override;
   // UNIMPLEMENTED: PostgreSQL uses its space again by itself; the message says how to shrink it.
   absl::Status Compact(const std::function<absl::Status(double)>& progress) override;
+  bool jobs_are_shared() const override { return true; }
 
  private:
   PostgresStore() = default;

@@ -90,6 +90,12 @@ absl::StatusOr<Calibration> InsertCalibration(SqlDatabase& database, Calibration
         Checksum(body))
       .Run();
   PutCalibrationSummary(database, number, calibration);
+  if (!HasEnded(calibration.state)) {
+    Query(database,
+          "INSERT INTO calibration_job(calibration_number, state, software_version) VALUES(?,?,?)",
+          number, calibration.state, calibration.software_version)
+        .Run();
+  }
   SqlStatement relate(database,
                       "INSERT INTO calibration_session(session_id, calibration_number) VALUES(?,?) "
                       "ON CONFLICT DO NOTHING");
@@ -104,6 +110,9 @@ absl::Status ReplaceCalibration(SqlDatabase& database, const Calibration& calibr
   const std::string body = wire::SerializeCalibration(calibration);
   Query(database, "UPDATE calibration SET state=?, body=?, checksum=? WHERE id=?",
         calibration.state, Blob{body}, Checksum(body), calibration.id)
+      .Run();
+  Query(database, "UPDATE calibration_job SET state=? WHERE calibration_number=?",
+        calibration.state, number)
       .Run();
   PutCalibrationSummary(database, number, calibration);
   return absl::OkStatus();

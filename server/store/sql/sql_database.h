@@ -49,6 +49,10 @@ class SqlDatabase {
   virtual ~SqlDatabase() = default;
   // Must outlive the statement.
   virtual std::unique_ptr<SqlStatementDriver> Prepare(const std::string& sql) = 0;
+  // Expressions: the database's clock, milliseconds since 1970, and what ends a SELECT that takes
+  // rows which no other transaction holds, for as long as this one lasts.
+  virtual std::string NowMs() const = 0;
+  virtual std::string SkipLocked() const = 0;
   // The status for an exception of this kind of database; `what` begins the message.
   virtual absl::Status StatusOf(const std::exception& error, std::string_view what) const = 0;
 };

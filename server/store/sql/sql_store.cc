@@ -10,6 +10,7 @@
 #include "server/store/row_account.h"
 #include "server/store/sql/activation_table.h"
 #include "server/store/sql/calibration_table.h"
+#include "server/store/sql/job_table.h"
 #include "server/store/sql/observation_reader.h"
 #include "server/store/sql/session_table.h"
 
@@ -223,6 +224,79 @@ absl::Status SqlStore::DeleteCalibration(std::string_view id) {
                                return status;
                              });
   });
+}
+
+absl::StatusOr<std::optional<ClaimedJob>> SqlStore::ClaimJob(const JobHolder& holder,
+                                                             const ClaimOptions& options) {
+  std::optional<ClaimedJob> claimed;
+  RIGCAL_RETURN_IF_ERROR(
+      writer_->Transact("claiming a calibration", [&](SqlDatabase& database) -> absl::Status {
+        RIGCAL_ASSIGN_OR_RETURN(claimed, server::ClaimJob(database, holder, options, lease_ms()));
+        return absl::OkStatus();
+      }));
+  return claimed;
+}
+
+absl::StatusOr<bool> SqlStore::RenewJob(const JobClaim& claim, const JobProgress& progress) {
+  bool cancel = false;
+  RIGCAL_RETURN_IF_ERROR(writer_->Transact(
+      absl::StrCat("renewing the claim on calibration ", claim.calibration_id),
+      [&](SqlDatabase& database) -> absl::Status {
+        RIGCAL_ASSIGN_OR_RETURN(cancel, server::RenewJob(database, claim, progress, lease_ms()));
+        return absl::OkStatus();
+      }));
+  return cancel;
+}
+
+absl::Status SqlStore::FinishJob(const JobClaim& claim, const Calibration& calibration) {
+  return writer_->Transact(
+      absl::StrCat("storing calibration ", calibration.id),
+      [&](SqlDatabase& database) { return server::FinishJob(database, claim, calibration); });
+}
+
+absl::StatusOr<Calibration> SqlStore::CancelJob(std::string_view id, int64_t utc_ns) {
+  Calibration calibration;
+  RIGCAL_RETURN_IF_ERROR(writer_->Transact(
+      absl::StrCat("cancelling calibration ", std::string(id)),
+      [&](SqlDatabase& database) -> absl::Status {
+        RIGCAL_ASSIGN_OR_RETURN(calibration, server::CancelJob(database, id, utc_ns));
+        return absl::OkStatus();
+      }));
+  return calibration;
+}
+
+absl::StatusOr<std::vector<CalibrationJob>> SqlStore::ListJobs() const {
+  return reader_->Read("listing the queue of calibrations", [&](SqlDatabase& database) {
+    return server::ListJobs(database, lease_ms());
+  });
+}
+
+absl::Status SqlStore::AdoptJobs(std::string_view software_version) {
+  return writer_->Transact("queueing calibrations again", [&](SqlDatabase& database) {
+    server::AdoptJobs(database, software_version, !jobs_are_shared(), lease_ms());
+    return absl::OkStatus();
+  });
+}
+
+absl::Status SqlStore::NoteWorker(const JobHolder& holder) {
+  return writer_->Transact("noting a worker", [&](SqlDatabase& database) {
+    server::NoteWorker(database, holder);
+    return absl::OkStatus();
+  });
+}
+
+absl::Status SqlStore::ForgetWorker(const JobHolder& holder) {
+  return writer_->Transact("forgetting a worker", [&](SqlDatabase& database) {
+    server::ForgetWorker(database, holder);
+    return absl::OkStatus();
+  });
+}
+
+absl::StatusOr<std::vector<SolveWorker>> SqlStore::ListWorkers() const {
+  return reader_->Read("listing the workers",
+                       [&](SqlDatabase& database) -> absl::StatusOr<std::vector<SolveWorker>> {
+                         return server::ListWorkers(database, lease_ms());
+                       });
 }
 
 absl::StatusOr<std::vector<RigSummary>> SqlStore::ListRigs() const {

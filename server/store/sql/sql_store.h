@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -49,6 +50,17 @@ class SqlStore : public Store {
   absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(
       const CalibrationFilter& filter, const ListPage& page) const override;
   absl::Status DeleteCalibration(std::string_view id) override;
+  bool jobs_are_shared() const override { return false; }
+  absl::StatusOr<std::optional<ClaimedJob>> ClaimJob(const JobHolder& holder,
+                                                     const ClaimOptions& options) override;
+  absl::StatusOr<bool> RenewJob(const JobClaim& claim, const JobProgress& progress) override;
+  absl::Status FinishJob(const JobClaim& claim, const Calibration& calibration) override;
+  absl::StatusOr<Calibration> CancelJob(std::string_view id, int64_t utc_ns) override;
+  absl::StatusOr<std::vector<CalibrationJob>> ListJobs() const override;
+  absl::Status AdoptJobs(std::string_view software_version) override;
+  absl::Status NoteWorker(const JobHolder& holder) override;
+  absl::Status ForgetWorker(const JobHolder& holder) override;
+  absl::StatusOr<std::vector<SolveWorker>> ListWorkers() const override;
   absl::StatusOr<std::vector<RigSummary>> ListRigs() const override;
   absl::StatusOr<Activation> AddActivation(Activation activation) override;
   absl::StatusOr<std::vector<Activation>> ListActivations(std::string_view rig,
@@ -69,6 +81,8 @@ class SqlStore : public Store {
   virtual absl::Status Erase(const std::function<absl::Status()>& erase) { return erase(); }
 
  private:
+  // Of a claim; 0: it has no end.
+  int64_t lease_ms() const { return jobs_are_shared() ? kJobLease.count() : 0; }
   // Changes sessions, and clears the observation writer's copies of them.
   absl::Status ChangeSessions(std::string_view what, const SqlWriter::Work& change);
   // Once for each damaged batch.

@@ -56,6 +56,11 @@ constexpr Table kTables[] = {
     {"calibration_summary", "record_number,checksum", "", "body", "record_number"},
     {"calibration_session", "calibration_number", "session_id", "",
      "session_id,calibration_number"},
+    {"calibration_job",
+     "calibration_number,state,attempts,fence,cancel,holder_pid,holder_is_server,lease_end_ms,"
+     "stage,"
+     "fraction_ppm,not_responding",
+     "software_version,holder_host,holder_version", "", "calibration_number"},
     {"activation", "number,checksum", "rig,calibration_id", "body", "rig,number"},
 };
 

@@ -123,6 +123,12 @@ std::unique_ptr<SqlStatementDriver> SqliteDatabase::Prepare(const std::string& s
   return std::make_unique<SqliteStatement>(database_, sql);
 }
 
+std::string SqliteDatabase::NowMs() const {
+  // Days since noon of 4713 BC ("Date And Time Functions" in SQLite's manual); 1970 is day
+  // 2440587.5. Kept to 0.05 ms in a double.
+  return "CAST(round((julianday('now')-2440587.5)*86400000.0) AS INTEGER)";
+}
+
 absl::Status SqliteDatabase::StatusOf(const std::exception& error, std::string_view what) const {
   if (const auto* of_sqlite = dynamic_cast<const SQLite::Exception*>(&error)) {
     return StatusFromSqlite(*of_sqlite, what);

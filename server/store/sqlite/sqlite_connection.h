@@ -34,6 +34,9 @@ class SqliteDatabase final : public SqlDatabase {
  public:
   explicit SqliteDatabase(SQLite::Database& database) : database_(database) {}
   std::unique_ptr<SqlStatementDriver> Prepare(const std::string& sql) override;
+  std::string NowMs() const override;
+  // Nothing: there is one that writes.
+  std::string SkipLocked() const override { return ""; }
   absl::Status StatusOf(const std::exception& error, std::string_view what) const override;
 
  private:

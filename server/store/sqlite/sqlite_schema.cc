@@ -21,6 +21,7 @@ constexpr int32_t kOldestVersion = 3;           // that can be brought up to dat
 constexpr int32_t kVersionWithSummaries = 4;
 constexpr int32_t kVersionWithActivations = 5;
 constexpr int32_t kVersionWithLights = 6;
+constexpr int32_t kVersionWithJobs = 7;
 
 // Positions and counts are rows of their own, so that reading them scans nothing.
 //
@@ -195,6 +196,42 @@ CREATE TABLE activation(
 ) WITHOUT ROWID;
 )sql";
 
+// What version 7 has added: the queue of calibrations, and the processes that take from it. Times
+// are of the database's clock, milliseconds since 1970. See server/store/calibration_job.h.
+constexpr char kTablesOfVersion7[] = R"sql(
+CREATE TABLE calibration_job(
+  calibration_number INTEGER PRIMARY KEY REFERENCES calibration(number) ON DELETE CASCADE,
+  state INTEGER NOT NULL,
+  software_version TEXT NOT NULL,
+  attempts INTEGER NOT NULL DEFAULT 0,
+  fence INTEGER NOT NULL DEFAULT 0,
+  cancel INTEGER NOT NULL DEFAULT 0,
+  holder_host TEXT NOT NULL DEFAULT '',
+  holder_pid INTEGER NOT NULL DEFAULT 0,
+  holder_version TEXT NOT NULL DEFAULT '',
+  holder_is_server INTEGER NOT NULL DEFAULT 0,
+  lease_end_ms INTEGER NOT NULL DEFAULT 0,
+  stage INTEGER NOT NULL DEFAULT 0,
+  fraction_ppm INTEGER NOT NULL DEFAULT 0,
+  not_responding INTEGER NOT NULL DEFAULT 0
+);
+CREATE INDEX unfinished_job ON calibration_job(calibration_number) WHERE state<=2;
+CREATE TABLE calibration_worker(
+  host TEXT NOT NULL,
+  pid INTEGER NOT NULL,
+  software_version TEXT NOT NULL,
+  start_ms INTEGER NOT NULL,
+  heartbeat_ms INTEGER NOT NULL,
+  PRIMARY KEY(host, pid)
+) WITHOUT ROWID;
+)sql";
+
+// A calibration of an earlier version that has not ended.
+constexpr char kQueueUnfinished[] = R"sql(
+INSERT INTO calibration_job(calibration_number, state, software_version)
+  SELECT number, 1, '' FROM calibration WHERE state<=2;
+)sql";
+
 std::string RandomId() {
   std::random_device device;
   return absl::StrFormat("%08x%08x%08x%08x", device(), device(), device(), device());
@@ -210,6 +247,7 @@ void CreateTablesOf(SQLite::Database& database, int32_t version) {
   if (version >= kVersionWithSummaries) database.exec(kTablesOfVersion4);
   if (version >= kVersionWithActivations) database.exec(kActivationTable);
   if (version >= kVersionWithLights) database.exec(kTablesOfVersion6);
+  if (version >= kVersionWithJobs) database.exec(kTablesOfVersion7);
 }
 
 void CreateTables(SQLite::Database& database) {
@@ -271,6 +309,10 @@ void Migrate(SQLite::Database& database, int32_t version) {
   }
   if (version < kVersionWithActivations) database.exec(kActivationTable);
   if (version < kVersionWithLights) database.exec(kTablesOfVersion6);
+  if (version < kVersionWithJobs) {
+    database.exec(kTablesOfVersion7);
+    database.exec(kQueueUnfinished);
+  }
   database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
 }
 

@@ -12,7 +12,7 @@
 
 namespace rigcal::server {
 
-inline constexpr uint32_t kSchemaVersion = 6;
+inline constexpr uint32_t kSchemaVersion = 7;
 
 // Creates the tables in an empty database, or brings those of versions 3 and 4 up to date, inside a
 // transaction of the caller's.

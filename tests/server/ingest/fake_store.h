@@ -114,6 +114,21 @@ class FakeStore : public server::Store {
     return None();
   }
   absl::Status DeleteCalibration(std::string_view) override { return None(); }
+  bool jobs_are_shared() const override { return false; }
+  absl::StatusOr<std::optional<server::ClaimedJob>> ClaimJob(const server::JobHolder&,
+                                                             const server::ClaimOptions&) override {
+    return None();
+  }
+  absl::StatusOr<bool> RenewJob(const server::JobClaim&, const server::JobProgress&) override {
+    return None();
+  }
+  absl::Status FinishJob(const server::JobClaim&, const Calibration&) override { return None(); }
+  absl::StatusOr<Calibration> CancelJob(std::string_view, int64_t) override { return None(); }
+  absl::StatusOr<std::vector<server::CalibrationJob>> ListJobs() const override { return None(); }
+  absl::Status AdoptJobs(std::string_view) override { return None(); }
+  absl::Status NoteWorker(const server::JobHolder&) override { return None(); }
+  absl::Status ForgetWorker(const server::JobHolder&) override { return None(); }
+  absl::StatusOr<std::vector<server::SolveWorker>> ListWorkers() const override { return None(); }
   absl::StatusOr<std::vector<server::RigSummary>> ListRigs() const override { return None(); }
   absl::StatusOr<Activation> AddActivation(Activation) override { return None(); }
   absl::StatusOr<std::vector<Activation>> ListActivations(std::string_view, int) const override {

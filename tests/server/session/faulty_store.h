@@ -118,6 +118,44 @@ class FaultyStore : public server::Store {
     if (absl::Status status = Enter("DeleteCalibration"); !status.ok()) return status;
     return store_.DeleteCalibration(id);
   }
+  bool jobs_are_shared() const override { return jobs_are_shared_ || store_.jobs_are_shared(); }
+  // As a store that several processes use.
+  void ShareJobs() { jobs_are_shared_ = true; }
+  absl::StatusOr<std::optional<server::ClaimedJob>> ClaimJob(
+      const server::JobHolder& holder, const server::ClaimOptions& options) override {
+    if (absl::Status status = Enter("ClaimJob"); !status.ok()) return status;
+    return store_.ClaimJob(holder, options);
+  }
+  absl::StatusOr<bool> RenewJob(const server::JobClaim& claim,
+                                const server::JobProgress& progress) override {
+    if (absl::Status status = Enter("RenewJob"); !status.ok()) return status;
+    return store_.RenewJob(claim, progress);
+  }
+  absl::Status FinishJob(const server::JobClaim& claim, const Calibration& calibration) override {
+    if (absl::Status status = Enter("FinishJob"); !status.ok()) return status;
+    return store_.FinishJob(claim, calibration);
+  }
+  absl::StatusOr<Calibration> CancelJob(std::string_view id, int64_t utc_ns) override {
+    if (absl::Status status = Enter("CancelJob"); !status.ok()) return status;
+    return store_.CancelJob(id, utc_ns);
+  }
+  absl::StatusOr<std::vector<server::CalibrationJob>> ListJobs() const override {
+    if (absl::Status status = Enter("ListJobs"); !status.ok()) return status;
+    return store_.ListJobs();
+  }
+  absl::Status AdoptJobs(std::string_view software_version) override {
+    if (absl::Status status = Enter("AdoptJobs"); !status.ok()) return status;
+    return store_.AdoptJobs(software_version);
+  }
+  absl::Status NoteWorker(const server::JobHolder& holder) override {
+    return store_.NoteWorker(holder);
+  }
+  absl::Status ForgetWorker(const server::JobHolder& holder) override {
+    return store_.ForgetWorker(holder);
+  }
+  absl::StatusOr<std::vector<server::SolveWorker>> ListWorkers() const override {
+    return store_.ListWorkers();
+  }
   absl::StatusOr<std::vector<server::RigSummary>> ListRigs() const override {
     if (absl::Status status = Enter("ListRigs"); !status.ok()) return status;
     return store_.ListRigs();
@@ -153,6 +191,7 @@ class FaultyStore : public server::Store {
   }
 
   server::Store& store_;
+  bool jobs_are_shared_ = false;
   mutable std::mutex mutex_;
   std::map<std::string, absl::Status> faults_;
   std::map<std::string, std::function<void()>> hooks_;

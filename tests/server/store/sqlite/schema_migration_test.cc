@@ -26,22 +26,28 @@ using ::testing::HasSubstr;
 class SchemaMigration : public ::rigcal::testing::StoreFixture {
  protected:
   std::filesystem::path File() const { return folder() / "rigcal.db"; }
-  // What versions 4 to 6 have added is taken away again.
+  // What versions 4 to 7 have added is taken away again.
   void MakeVersion3() {
     SQLite::Database database(File().string(), SQLite::OPEN_READWRITE);
     database.exec(
-        "DROP TABLE light_sample; DROP TABLE activation; DROP TABLE session_summary; DROP TABLE calibration_summary; DROP TABLE damaged_batch; "
+        "DROP TABLE calibration_job; DROP TABLE calibration_worker; DROP TABLE light_sample; DROP "
+        "TABLE activation; DROP TABLE session_summary; DROP TABLE calibration_summary; DROP TABLE "
+        "damaged_batch; "
         "PRAGMA user_version=3; PRAGMA auto_vacuum=NONE; VACUUM");
   }
-  // What versions 5 and 6 have added is taken away again.
+  // What versions 5 to 7 have added is taken away again.
   void MakeVersion4() {
     SQLite::Database database(File().string(), SQLite::OPEN_READWRITE);
-    database.exec("DROP TABLE light_sample; DROP TABLE activation; PRAGMA user_version=4");
+    database.exec(
+        "DROP TABLE calibration_job; DROP TABLE calibration_worker; DROP TABLE light_sample; DROP "
+        "TABLE activation; PRAGMA user_version=4");
   }
-  // What version 6 has added is taken away again.
+  // What versions 6 and 7 have added is taken away again.
   void MakeVersion5() {
     SQLite::Database database(File().string(), SQLite::OPEN_READWRITE);
-    database.exec("DROP TABLE light_sample; PRAGMA user_version=5");
+    database.exec(
+        "DROP TABLE calibration_job; DROP TABLE calibration_worker; DROP TABLE light_sample; "
+        "PRAGMA user_version=5");
   }
   int Version() {
     SQLite::Database database(File().string(), SQLite::OPEN_READONLY);
@@ -136,6 +142,29 @@ TEST_F(SchemaMigration, Version5GetsReadingsOfLights) {
   ASSERT_EQ(samples.size(), 2u);
   EXPECT_EQ(samples[0], before.clock_samples[0]);
   EXPECT_EQ(samples[1], after.clock_samples[0]);
+}
+
+TEST_F(SchemaMigration, Version6GetsItsUnfinishedCalibrationsQueued) {
+  Calibration calibration;
+  calibration.rig = "rig";
+  calibration.session_ids = {"s-test"};
+  ASSERT_OK_AND_ASSIGN(Calibration ended, store().CreateCalibration(calibration));
+  ended.state = CalibrationState::kFailed;
+  ASSERT_THAT(store().UpdateCalibration(ended), IsOk());
+  ASSERT_OK_AND_ASSIGN(const Calibration waiting, store().CreateCalibration(calibration));
+  Close();
+  {
+    SQLite::Database database(File().string(), SQLite::OPEN_READWRITE);
+    database.exec(
+        "DROP TABLE calibration_job; DROP TABLE calibration_worker; PRAGMA user_version=6");
+  }
+  Open();
+  EXPECT_EQ(Version(), static_cast<int>(kSchemaVersion));
+  ASSERT_THAT(store().AdoptJobs("1.0"), IsOk());
+  ASSERT_OK_AND_ASSIGN(const auto jobs, store().ListJobs());
+  ASSERT_EQ(jobs.size(), 1u);
+  EXPECT_EQ(jobs[0].calibration_id, waiting.id);
+  EXPECT_EQ(jobs[0].software_version, "1.0");
 }
 
 TEST_F(SchemaMigration, ADamagedRecordStopsNothing) {

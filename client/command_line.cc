@@ -17,6 +17,7 @@ ExitCode RunCommandLine(const std::vector<std::string>& arguments, Console& cons
   AddWatchCommand(parser);
   AddCalibrationCommands(parser);
   AddRigCommands(parser);
+  AddWorkerCommands(parser);
   AddTriangulateCommand(parser);
   AddIdentityCommands(parser);
   AddServerCommands(parser);

@@ -71,6 +71,7 @@ struct Flags {
   std::string data_dir;
   std::string store;
   bool store_unsafe = false;
+  bool no_solve = false;
   std::string docs_dir;
   std::string log_level;
   std::string log_format;
@@ -88,6 +89,7 @@ absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
   if (!flags.advertise.empty()) config.advertise = WithPort(flags.advertise, kUsualPort);
   if (!flags.store.empty()) config.store = flags.store;
   if (flags.store_unsafe) config.store_unsafe = true;
+  if (flags.no_solve) config.solve.local = false;
   if (!flags.docs_dir.empty()) config.docs_dir = flags.docs_dir;
   if (config.data_dir.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(config.data_dir, DefaultDataDirectory());
@@ -449,7 +451,8 @@ absl::StatusOr<End> Serve(ServerConfig& config, const Flags& flags) {
       CalibrationRunner::Create({.max_queued = limits.max_queued_calibrations,
                                  .max_observations = limits.max_calibration_observations,
                                  .max_watches = limits.max_watches,
-                                 .software_version = std::string(wire::kSoftwareVersion)},
+                                 .software_version = std::string(wire::kSoftwareVersion),
+                                 .solve_here = config.solve.local},
                                 store.get(), coordinator.get(), solves.Measured(solve)));
   RigMonitor monitor({.max_observations = limits.max_calibration_observations},
                      {.store = store.get(),
@@ -628,6 +631,8 @@ int Run(int argc, char** argv) {
       ->type_name("postgresql://USER@HOST/DATABASE");
   app.add_flag("--store-unsafe", flags.store_unsafe,
                "Also take a PostgreSQL server that can lose data when its power fails (fsync off)");
+  app.add_flag("--no-solve", flags.no_solve,
+               "Leave calibrations to rigcal-workers on the database (with --store)");
   app.add_option(
          "--docs-dir", flags.docs_dir,
          "Folder of the documentation, shown at /docs/ beside the dashboard (default: where "

@@ -64,6 +64,7 @@ void AddTriangulateCommand(CommandParser& parser);
 void AddIdentityCommands(CommandParser& parser);
 void AddRigCommands(CommandParser& parser);
 void AddServerCommands(CommandParser& parser);
+void AddWorkerCommands(CommandParser& parser);
 void AddLocalCommand(CommandParser& parser);
 
 // Options that several commands share. What cannot be read is a usage error naming the option.

@@ -402,15 +402,19 @@ std::string FormatHeadlineFigures(const v1::Calibration& calibration) {
 }
 
 std::string FormatCalibrationProgress(const v1::Calibration& calibration) {
+  const v1::CalibrationProgress& progress = calibration.progress();
   if (calibration.state() != v1::Calibration::STATE_RUNNING) {
-    return "calibration " + EnumWord(calibration.state());
+    return absl::StrCat("calibration ", EnumWord(calibration.state()),
+                        progress.waiting().empty() ? "" : ": ", progress.waiting());
   }
   const double percent = std::clamp(calibration.progress().fraction(), 0.0, 1.0) * 100;
   // "searching time offsets".
   const std::string stage =
       absl::StrReplaceAll(EnumWord(calibration.progress().stage()), {{"_", " "}});
   return absl::StrCat("calibrating: ", stage, " ", FormatFixed(percent, 0), " %",
-                      calibration.progress().not_responding() ? ", not responding" : "");
+                      progress.not_responding() ? ", not responding" : "",
+                      progress.solved_by().empty() ? "" : ", by ", progress.solved_by(),
+                      progress.waiting().empty() ? "" : "; ", progress.waiting());
 }
 
 std::string FormatCalibrationList(const v1::ListCalibrationsResponse& response) {

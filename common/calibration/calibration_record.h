@@ -24,6 +24,8 @@ struct Calibration {
   CalibrationStage progress_stage = CalibrationStage::kUnspecified;
   double progress_fraction = 0;
   bool not_responding = false;  // the process that solves; see CalibrationProgress in the protocol
+  std::string solved_by = {};   // while it runs elsewhere: the process; not stored
+  std::string waiting = {};     // why nobody solves it; not stored
   CalibrationOptions options;
   std::optional<CalibrationResult> result;  // once succeeded
   std::vector<Refusal> refused;             // when it failed: what had been left out by then

@@ -53,7 +53,7 @@ void AddOptions(RetentionConfig* retention, OptionTable* table) {
 absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   RIGCAL_ASSIGN_OR_RETURN(TomlFile file, ReadTomlFile(path));
   ServerConfig config;
-  OptionTable options, https, tls, discovery, limits, retention;
+  OptionTable options, https, tls, discovery, limits, retention, solve;
   AddAddress("listen", &config.listen, 0, "where the server listens", &options);
   AddAddress("advertise", &config.advertise, 1,
              "that others are told, where it is not that of this PC", &options);
@@ -72,6 +72,8 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   discovery.Add("mdns", &config.discovery.mdns, "the server announces itself in its network");
   AddOptions(&config.limits, &limits);
   AddOptions(&config.retention, &retention);
+  solve.Add("local", &config.solve.local,
+            "this server solves calibrations, not only rigcal-workers on its database");
   TomlSection section(&file, file.root);
   section.Take(options);
   if (config.data_dir.empty() && file.root.contains("data_dir")) {
@@ -85,6 +87,7 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   ReadTable(&file, &section, "discovery", discovery);
   ReadTable(&file, &section, "limits", limits);
   ReadTable(&file, &section, "retention", retention);
+  ReadTable(&file, &section, "solve", solve);
   section.RefuseOtherKeys();
   RIGCAL_RETURN_IF_ERROR(file.Result());
   return config;

@@ -65,10 +65,17 @@ struct RetentionConfig {
   friend bool operator==(const RetentionConfig&, const RetentionConfig&) = default;
 };
 
-// A server's TOML file: these keys, and tables [https], [tls], [discovery], [limits] and
-// [retention] with the members of ServerHttpsConfig, ServerTlsConfig, ServerDiscoveryConfig,
-// ServerLimits (these each at least 1) and RetentionConfig. Every key may be left out. Paths are
-// relative to the file's folder.
+// [solve]: who solves calibrations.
+struct ServerSolveConfig {
+  bool local = true;  // this server; false: rigcal-workers on its database only
+
+  friend bool operator==(const ServerSolveConfig&, const ServerSolveConfig&) = default;
+};
+
+// A server's TOML file: these keys, and tables [https], [tls], [discovery], [limits], [retention]
+// and [solve] with the members of ServerHttpsConfig, ServerTlsConfig, ServerDiscoveryConfig,
+// ServerLimits (these each at least 1), RetentionConfig and ServerSolveConfig. Every key may be
+// left out. Paths are relative to the file's folder.
 struct ServerConfig {
   std::string listen = "127.0.0.1:7420";  // HOST:PORT; port 0: any free one
   std::string data_dir;                   // empty: DefaultDataDirectory()
@@ -84,6 +91,7 @@ struct ServerConfig {
   ServerDiscoveryConfig discovery;
   ServerLimits limits;
   RetentionConfig retention;
+  ServerSolveConfig solve;
 };
 
 // NOT_FOUND: no such file. INVALID_ARGUMENT: every unknown key and every bad value at once, each

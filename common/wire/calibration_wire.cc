@@ -180,6 +180,8 @@ v1::Calibration ToProto(const Calibration& calibration) {
       static_cast<v1::CalibrationStage>(calibration.progress_stage));
   proto.mutable_progress()->set_fraction(calibration.progress_fraction);
   proto.mutable_progress()->set_not_responding(calibration.not_responding);
+  proto.mutable_progress()->set_solved_by(calibration.solved_by);
+  proto.mutable_progress()->set_waiting(calibration.waiting);
   *proto.mutable_options() = ToProto(calibration.options);
   if (calibration.result) {
     FillResult(*calibration.result, &proto);
@@ -220,6 +222,8 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
   }
   calibration.progress_fraction = proto.progress().fraction();
   calibration.not_responding = proto.progress().not_responding();
+  calibration.solved_by = proto.progress().solved_by();
+  calibration.waiting = proto.progress().waiting();
   absl::Status fault;
   calibration.options = ReadOptions(proto.options(), &fault);
   // One that has yet to be solved must be what was asked for.

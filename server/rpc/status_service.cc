@@ -37,6 +37,18 @@ void AddServer(const ServerEntry& server, v1::GetStatusResponse* response) {
   info->set_silent_ms(Count(static_cast<uint64_t>(std::max<int64_t>(server.last_seen_ms, 0))));
 }
 
+void FillWorker(const SolveWorker& worker, v1::SolveWorker* proto) {
+  proto->set_host(worker.holder.host);
+  proto->set_pid(worker.holder.pid);
+  proto->set_software_version(worker.holder.software_version);
+  proto->set_is_server(worker.holder.is_server);
+  *proto->mutable_start_time() = wire::ToTimestamp(worker.start_utc_ns);
+  *proto->mutable_heartbeat_time() = wire::ToTimestamp(worker.heartbeat_utc_ns);
+  proto->set_is_alive(worker.is_alive);
+  proto->mutable_calibration_ids()->Assign(worker.calibration_ids.begin(),
+                                           worker.calibration_ids.end());
+}
+
 class StatusService final : public v1::StatusService::Service {
  public:
   StatusService(const RpcServerParts& parts, size_t ingest_queue_limit_bytes, int64_t start_utc_ns,
@@ -62,6 +74,10 @@ class StatusService final : public v1::StatusService::Service {
       if (parts_.roster != nullptr) {
         for (const ServerEntry& server : parts_.roster->List()) AddServer(server, response);
       }
+      for (const SolveWorker& worker : parts_.runner->Workers()) {
+        FillWorker(worker, response->add_workers());
+      }
+
       const IngestStats stats = parts_.ingest->Stats();
       v1::IngestStatus* ingest = response->mutable_ingest();
       ingest->set_stored_observation_count(stats.stored_observation_count);

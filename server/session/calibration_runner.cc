@@ -4,7 +4,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <exception>
 #include <optional>
 #include <utility>
 
@@ -20,21 +19,14 @@
 namespace rigcal::server {
 namespace {
 
-constexpr int kCalibrationPageSize = 200;
 constexpr size_t kMaxUnsaved = 64;
+constexpr int kLooksAtWorkers = 4;  // their list is read at every fourth look: once a second
 // Watchers are not woken more often by progress within a stage.
 constexpr std::chrono::milliseconds kProgressInterval{100};
-constexpr std::string_view kCancelled = "cancelled";
 
 bool HasEnded(const Calibration& calibration) {
   return calibration.state == CalibrationState::kSucceeded ||
          calibration.state == CalibrationState::kFailed;
-}
-
-void Fail(std::string error, Calibration* calibration) {
-  calibration->state = CalibrationState::kFailed;
-  calibration->error = std::move(error);
-  calibration->result.reset();
 }
 
 }  // namespace
@@ -44,12 +36,37 @@ CalibrationRunner::CalibrationRunner(CalibrationRunnerOptions options, Store* st
     : options_(std::move(options)),
       store_(store),
       coordinator_(coordinator),
-      solve_(std::move(solve)),
-      changes_(options_.max_watches) {}
+      changes_(options_.max_watches),
+      solver_({.holder = ThisHolder(options_.software_version, true),
+               .max_attempts = options_.max_attempts,
+               .max_observations = options_.max_observations,
+               .only_to_end = !options_.solve_here,
+               .utc_now_ns = options_.utc_now_ns},
+              store, std::move(solve), SolverEvents()) {}
+
+JobSolver::Events CalibrationRunner::SolverEvents() {
+  return {.correlation =
+              [this](const std::string& id) {
+                std::lock_guard lock(mutex_);
+                const auto found = unfinished_.find(id);
+                return found == unfinished_.end() ? std::string() : found->second.correlation;
+              },
+          .begun = [this](const Calibration& calibration) { NoteBegun(calibration); },
+          .progress = [this](const std::string& id,
+                             const JobProgress& progress) { NoteProgress(id, progress); },
+          .ended = [this](const Calibration& calibration,
+                          const absl::Status& stored) { NoteEnd(calibration, stored); }};
+}
 
 absl::StatusOr<std::unique_ptr<CalibrationRunner>> CalibrationRunner::Create(
     CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,
     SolveFunction solve) {
+  if (!options.solve_here && !store->jobs_are_shared()) {
+    return absl::InvalidArgumentError(
+        "this server is not to solve (solve.local = false or --no-solve), and nobody else can: its "
+        "database is a file of its own. Name one that rigcal-workers reach (--store "
+        "postgresql://...), or let it solve");
+  }
   std::unique_ptr<CalibrationRunner> runner(
       new CalibrationRunner(std::move(options), store, coordinator, std::move(solve)));
   RIGCAL_RETURN_IF_ERROR(runner->QueueUnfinished());
@@ -58,34 +75,47 @@ absl::StatusOr<std::unique_ptr<CalibrationRunner>> CalibrationRunner::Create(
 
 CalibrationRunner::~CalibrationRunner() { Shutdown(); }
 
+void CalibrationRunner::Start() {
+  tasks_.Start();
+  if (store_->jobs_are_shared()) follower_ = std::thread([this] { Follow(); });
+}
+
 void CalibrationRunner::Shutdown() {
   {
     std::lock_guard lock(mutex_);
     stopping_ = true;
-    interrupted_ = true;
   }
+  wake_.notify_all();
+  solver_.Interrupt();
+  if (follower_.joinable()) follower_.join();
   tasks_.Shutdown();
 }
 
 absl::Status CalibrationRunner::QueueUnfinished() {
-  ListPage next{.limit = kCalibrationPageSize};
-  size_t page_size = 0;
-  do {
-    RIGCAL_ASSIGN_OR_RETURN(const auto page, store_->ListCalibrations({}, next));
-    page_size = page.size();
-    for (const auto& [calibration, position] : page) {
-      next.after = position;
-      if (HasEnded(calibration)) continue;
-      // A session that is gone ends the calibration with its name when its turn comes.
-      auto hold = coordinator_->HoldSessions(calibration.session_ids);
-      const LogScope scope({.calibration = calibration.id, .correlation = NewCorrelationId()});
-      queue_.push_front({calibration.id, hold.ok() ? *std::move(hold) : nullptr,
-                         LogFields::Current().correlation});
-      tasks_.Post([this] { RunNext(); });
-      spdlog::info("calibration {}: queued again after a restart", calibration.id);
+  RIGCAL_RETURN_IF_ERROR(store_->AdoptJobs(options_.software_version));
+  RIGCAL_ASSIGN_OR_RETURN(std::vector<CalibrationJob> jobs, store_->ListJobs());
+  for (CalibrationJob& job : jobs) {
+    const std::string id = job.calibration_id;
+    const LogScope scope({.calibration = id, .correlation = NewCorrelationId()});
+    if (job.state == CalibrationState::kRunning) {
+      spdlog::info("calibration {}: {} solves it", id, NameOf(job.holder));
+    } else {
+      spdlog::info("calibration {}: queued again after a restart", id);
+      PostRun();
     }
-  } while (page_size == static_cast<size_t>(kCalibrationPageSize));
+    unfinished_.insert_or_assign(id, AddUnfinished(std::move(job)));
+  }
   return absl::OkStatus();
+}
+
+// With the log's correlation of the calling thread.
+CalibrationRunner::Unfinished CalibrationRunner::AddUnfinished(CalibrationJob job) const {
+  // A session that is gone ends the calibration with its name when its turn comes.
+  auto hold = coordinator_->HoldSessions(job.session_ids);
+  return {.hold = hold.ok() ? *std::move(hold) : nullptr,
+          .correlation = LogFields::Current().correlation,
+          .job = std::move(job),
+          .waiting = {}};
 }
 
 absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
@@ -125,11 +155,14 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   RIGCAL_ASSIGN_OR_RETURN(calibration, store_->CreateCalibration(std::move(calibration)));
   {
     std::lock_guard lock(mutex_);
-    queue_.push_back({calibration.id, std::move(hold), LogFields::Current().correlation});
+    Unfinished& unfinished = unfinished_[calibration.id];
+    unfinished.hold = std::move(hold);
+    unfinished.correlation = LogFields::Current().correlation;
+    unfinished.job.calibration_id = calibration.id;
   }
   const LogScope scope({.calibration = calibration.id});
   spdlog::info("calibration {}: queued", calibration.id);
-  tasks_.Post([this] { RunNext(); });
+  PostRun();
   return calibration;
 }
 
@@ -149,39 +182,45 @@ absl::StatusOr<std::vector<Listed<Calibration>>> CalibrationRunner::ListCalibrat
 
 Calibration CalibrationRunner::WithMemory(Calibration calibration) const {
   if (HasEnded(calibration)) return calibration;
+  std::optional<JobProgress> progress = solver_.ProgressOf(calibration.id);
   std::lock_guard lock(mutex_);
   if (const auto unsaved = unsaved_.find(calibration.id); unsaved != unsaved_.end()) {
     return unsaved->second;
   }
-  if (calibration.id == running_id_) {
-    calibration.progress_stage = stage_;
-    calibration.progress_fraction = fraction_;
-    calibration.not_responding = not_responding_;
+  if (const auto found = unfinished_.find(calibration.id); found != unfinished_.end()) {
+    const CalibrationJob& job = found->second.job;
+    calibration.waiting = found->second.waiting;
+    if (!progress && job.state == CalibrationState::kRunning && !job.holder.is_server) {
+      progress = job.progress;
+      calibration.solved_by = NameOf(job.holder);
+    }
+  }
+  if (progress) {
+    calibration.progress_stage = progress->stage;
+    calibration.progress_fraction = progress->fraction;
+    calibration.not_responding = progress->not_responding;
   }
   return calibration;
 }
 
 absl::StatusOr<Calibration> CalibrationRunner::CancelCalibration(std::string_view id) {
-  Job job;
+  if (solver_.Cancel(id)) return GetCalibration(id);
+  RIGCAL_ASSIGN_OR_RETURN(Calibration calibration,
+                          store_->CancelJob(id, UtcNowNs(options_.utc_now_ns)));
+  if (!HasEnded(calibration)) {
+    solver_.Cancel(id);  // claimed meanwhile
+    return WithMemory(std::move(calibration));
+  }
+  decltype(unfinished_)::node_type ended;  // its hold is released without the lock
   {
     std::lock_guard lock(mutex_);
-    if (id == running_id_) {
-      cancel_asked_ = true;
-      interrupted_ = true;
-    }
-    const auto queued = std::find_if(queue_.begin(), queue_.end(),
-                                     [&](const Job& candidate) { return candidate.id == id; });
-    if (queued != queue_.end()) {
-      job = std::move(*queued);
-      queue_.erase(queued);
-    }
+    ended = unfinished_.extract(calibration.id);
   }
-  RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, GetCalibration(id));
-  if (job.id.empty()) return calibration;
-  Fail(std::string(kCancelled), &calibration);
-  calibration.end_utc_ns = UtcNowNs(options_.utc_now_ns);
-  End(calibration);
-  return calibration;
+  if (ended) {
+    spdlog::warn("calibration {}: failed: {}", calibration.id, calibration.error);
+    changes_.Notify(id);
+  }
+  return WithMemory(std::move(calibration));
 }
 
 absl::Status CalibrationRunner::DeleteCalibration(std::string_view id) {
@@ -193,165 +232,256 @@ absl::Status CalibrationRunner::DeleteCalibration(std::string_view id) {
 
 size_t CalibrationRunner::QueuedCount() const {
   std::lock_guard lock(mutex_);
-  return queue_.size();
+  return static_cast<size_t>(std::ranges::count_if(unfinished_, [this](const auto& entry) {
+    return entry.second.job.state == CalibrationState::kQueued && !unsaved_.contains(entry.first);
+  }));
+}
+
+std::vector<SolveWorker> CalibrationRunner::Workers() const {
+  std::vector<SolveWorker> workers;
+  {
+    std::lock_guard lock(mutex_);
+    workers = workers_;
+  }
+  if (!options_.solve_here) return workers;
+  SolveWorker here;
+  here.holder = ThisHolder(options_.software_version, true);
+  here.is_alive = true;
+  {
+    std::lock_guard lock(mutex_);
+    here.start_utc_ns = start_utc_ns_;
+    for (const auto& [id, unfinished] : unfinished_) {
+      if (solver_.ProgressOf(id)) here.calibration_ids.push_back(id);
+    }
+  }
+  here.heartbeat_utc_ns = UtcNowNs(options_.utc_now_ns);
+  workers.insert(workers.begin(), std::move(here));
+  return workers;
+}
+
+void CalibrationRunner::PostRun() {
+  tasks_.Post([this] { RunNext(); });
 }
 
 void CalibrationRunner::RunNext() {
-  Job job;
   {
     std::lock_guard lock(mutex_);
-    if (stopping_ || queue_.empty()) return;
-    job = std::move(queue_.front());
-    queue_.pop_front();
-    running_id_ = job.id;
-    stage_ = CalibrationStage::kReading;
-    fraction_ = 0;
-    not_responding_ = false;
-    cancel_asked_ = false;
-    interrupted_ = false;
+    is_run_posted_ = false;
+    if (stopping_) return;
   }
-  RunJob(job);
-  std::lock_guard lock(mutex_);
-  running_id_.clear();
+  if (const absl::Status claimed = solver_.RunOne().status(); !claimed.ok()) NoteNotBegun(claimed);
 }
 
-void CalibrationRunner::RunJob(const Job& job) {
-  const LogScope scope({.calibration = job.id, .correlation = job.correlation});
-  absl::StatusOr<Calibration> calibration = store_->GetCalibration(job.id);
-  if (!calibration.ok()) {
-    spdlog::error("calibration {}: cannot be read, tried again at the next start: {}", job.id,
-                  std::string(calibration.status().message()));
-    return;
-  }
-  if (absl::Status status = Begin(&*calibration); !status.ok()) {
-    Fail(std::string(status.message()), &*calibration);
-  } else {
-    try {
-      Solve(&*calibration);
-    } catch (const std::exception& error) {
-      Fail(absl::StrCat("an unexpected fault while solving: ", error.what()), &*calibration);
-    }
-  }
-  bool cancelled = false;
-  bool stopping = false;
+void CalibrationRunner::NoteNotBegun(const absl::Status& why) {
+  // The queue is looked at again in a moment.
+  if (store_->jobs_are_shared() && absl::IsUnavailable(why)) return;
+  std::string id;
   {
     std::lock_guard lock(mutex_);
-    cancelled = cancel_asked_;
-    stopping = stopping_;
-  }
-  if (cancelled) {
-    Fail(std::string(kCancelled), &*calibration);
-  } else if (stopping && calibration->state != CalibrationState::kSucceeded) {
-    // A clean stop is no failed attempt: it starts again with the server.
-    calibration->state = CalibrationState::kQueued;
-    calibration->error.clear();
-    calibration->refused.clear();
-    calibration->start_utc_ns = 0;
-    calibration->attempt_count = 0;
-  }
-  calibration->progress_stage = CalibrationStage::kUnspecified;
-  if (calibration->state != CalibrationState::kQueued) {
-    calibration->end_utc_ns = UtcNowNs(options_.utc_now_ns);
-  }
-  End(*std::move(calibration));
-}
-
-absl::Status CalibrationRunner::Begin(Calibration* calibration) {
-  if (calibration->attempt_count >= static_cast<uint32_t>(options_.max_attempts)) {
-    return absl::InternalError(
-        absl::StrCat("the server ended ", options_.max_attempts,
-                     " times while it ran this calibration (out of memory?); use fewer "
-                     "observations, or create it again"));
-  }
-  // It may have been asked for in an earlier version.
-  RIGCAL_RETURN_IF_ERROR(calibration->options.Validate());
-  calibration->state = CalibrationState::kRunning;
-  calibration->start_utc_ns = UtcNowNs(options_.utc_now_ns);
-  ++calibration->attempt_count;
-  if (absl::Status status = store_->UpdateCalibration(*calibration); !status.ok()) {
-    return absl::Status(status.code(),
-                        absl::StrCat("the calibration cannot be begun: ", status.message()));
-  }
-  changes_.Notify(calibration->id);
-  return absl::OkStatus();
-}
-
-void CalibrationRunner::Solve(Calibration* calibration) {
-  CalibrationHooks hooks;
-  hooks.progress = [this](CalibrationStage stage, double fraction) {
-    ReportProgress(stage, fraction);
-  };
-  hooks.silence = [this](bool not_responding) { ReportSilence(not_responding); };
-  hooks.cancelled = &interrupted_;
-  const auto start = std::chrono::steady_clock::now();
-  const absl::StatusOr<std::optional<Calibration>> parent = ParentOf(*store_, calibration->options);
-  if (!parent.ok()) return Fail(std::string(parent.status().message()), calibration);
-  CalibrationOutcome outcome = solve_({.store = *store_,
-                                       .session_ids = calibration->session_ids,
-                                       .max_observations = options_.max_observations,
-                                       .options = calibration->options,
-                                       .parent = *parent ? &**parent : nullptr},
-                                      hooks);
-  calibration->duration_s =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  if (!outcome.result.ok()) {
-    calibration->refused = std::move(outcome.refused);
-    return Fail(std::string(outcome.result.status().message()), calibration);
-  }
-  calibration->state = CalibrationState::kSucceeded;
-  calibration->progress_fraction = 1;
-  calibration->result = *std::move(outcome.result);
-}
-
-void CalibrationRunner::End(Calibration calibration) {
-  if (absl::Status status = store_->UpdateCalibration(calibration); !status.ok()) {
-    spdlog::error("calibration {}: its end cannot be stored: {}", calibration.id,
-                  std::string(status.message()));
-    // The store still says that it is queued or running, so the next start tries again.
-    if (calibration.state == CalibrationState::kSucceeded) {
-      Fail(absl::StrCat("the result cannot be stored: ", status.message(),
-                        "; it is calculated again when the server starts next"),
-           &calibration);
+    for (const auto& [candidate, unfinished] : unfinished_) {
+      if (unfinished.job.state == CalibrationState::kQueued && !unsaved_.contains(candidate)) {
+        id = candidate;
+        break;
+      }
     }
-    std::lock_guard lock(mutex_);
-    if (unsaved_.size() < kMaxUnsaved) unsaved_.insert_or_assign(calibration.id, calibration);
   }
-  switch (calibration.state) {
-    case CalibrationState::kSucceeded:
-      spdlog::info("calibration {}: succeeded in {:.1f} s", calibration.id, calibration.duration_s);
-      break;
-    case CalibrationState::kFailed:
-      spdlog::warn("calibration {}: failed: {}", calibration.id, calibration.error);
-      break;
-    default:
-      spdlog::info("calibration {}: queued again for the next start", calibration.id);
+  if (id.empty()) return;
+  auto calibration = store_->GetCalibration(id);
+  if (!calibration.ok()) calibration = Calibration();
+  calibration->id = id;
+  calibration->state = CalibrationState::kFailed;
+  calibration->error = absl::StrCat("the calibration cannot be begun: ", why.message());
+  calibration->end_utc_ns = UtcNowNs(options_.utc_now_ns);
+  spdlog::warn("calibration {}: {}", id, calibration->error);
+  {
+    std::lock_guard lock(mutex_);
+    if (unsaved_.size() < kMaxUnsaved) unsaved_.insert_or_assign(id, *std::move(calibration));
+  }
+  changes_.Notify(id);
+}
+
+void CalibrationRunner::NoteBegun(const Calibration& calibration) {
+  {
+    std::lock_guard lock(mutex_);
+    CalibrationJob& job = unfinished_[calibration.id].job;
+    job.state = CalibrationState::kRunning;
+    job.holder.is_server = true;
+    last_progress_ = {};
+    unsaved_.erase(calibration.id);
   }
   changes_.Notify(calibration.id);
 }
 
-void CalibrationRunner::ReportSilence(bool not_responding) {
-  std::string id;
+void CalibrationRunner::NoteProgress(const std::string& id, const JobProgress& progress) {
   {
     std::lock_guard lock(mutex_);
-    not_responding_ = not_responding;
-    id = running_id_;
+    const auto now = std::chrono::steady_clock::now();
+    const bool is_news = progress.stage != last_progress_.stage ||
+                         progress.not_responding != last_progress_.not_responding;
+    if (!is_news && now - last_notification_ < kProgressInterval) return;
+    last_progress_ = progress;
+    last_notification_ = now;
   }
   changes_.Notify(id);
 }
 
-void CalibrationRunner::ReportProgress(CalibrationStage stage, double fraction) {
-  std::string id;
+void CalibrationRunner::NoteEnd(Calibration calibration, const absl::Status& stored) {
+  const std::string id = calibration.id;
+  if (absl::IsAborted(stored)) {
+    changes_.Notify(id);
+    return;  // it is followed
+  }
+  if (!stored.ok()) {
+    spdlog::error("calibration {}: its end cannot be stored: {}", id,
+                  std::string(stored.message()));
+    // The store still says that it is running, so the next start tries again.
+    if (calibration.state == CalibrationState::kSucceeded) {
+      calibration.state = CalibrationState::kFailed;
+      calibration.result.reset();
+      calibration.error = absl::StrCat("the result cannot be stored: ", stored.message(),
+                                       "; it is calculated again when the server starts next");
+    }
+  }
+  switch (calibration.state) {
+    case CalibrationState::kSucceeded:
+      spdlog::info("calibration {}: succeeded in {:.1f} s", id, calibration.duration_s);
+      break;
+    case CalibrationState::kFailed:
+      spdlog::warn("calibration {}: failed: {}", id, calibration.error);
+      break;
+    default:
+      spdlog::info("calibration {}: queued again", id);
+  }
+  decltype(unfinished_)::node_type ended;  // its hold is released without the lock
   {
     std::lock_guard lock(mutex_);
-    const auto now = std::chrono::steady_clock::now();
-    const bool due = stage != stage_ || now - last_notification_ >= kProgressInterval;
-    stage_ = stage;
-    fraction_ = fraction;
-    if (!due) return;
-    last_notification_ = now;
-    id = running_id_;
+    if (!stored.ok()) {
+      if (unsaved_.size() < kMaxUnsaved) unsaved_.insert_or_assign(id, std::move(calibration));
+    } else if (HasEnded(calibration)) {
+      ended = unfinished_.extract(id);
+    } else {
+      unfinished_[id].job.state = CalibrationState::kQueued;
+    }
   }
+  ended = {};
   changes_.Notify(id);
+}
+
+void CalibrationRunner::Follow() {
+  bool is_away = false;
+  std::unique_lock lock(mutex_);
+  while (!wake_.wait_for(lock, kJobPoll, [this] { return stopping_; })) {
+    lock.unlock();
+    const absl::Status looked = Look();
+    if (!looked.ok() && !is_away) {
+      spdlog::warn("the queue of calibrations cannot be read: {}", std::string(looked.message()));
+    }
+    is_away = !looked.ok();
+    lock.lock();
+  }
+}
+
+absl::Status CalibrationRunner::Look() {
+  std::vector<std::string> known;
+  {
+    std::lock_guard lock(mutex_);
+    for (const auto& [id, unfinished] : unfinished_) known.push_back(id);
+  }
+  RIGCAL_ASSIGN_OR_RETURN(std::vector<CalibrationJob> jobs, store_->ListJobs());
+  std::vector<SolveWorker> workers;
+  if (look_count_++ % kLooksAtWorkers == 0) {
+    RIGCAL_ASSIGN_OR_RETURN(workers, store_->ListWorkers());
+    std::lock_guard lock(mutex_);
+    workers_ = workers;
+  } else {
+    std::lock_guard lock(mutex_);
+    workers = workers_;
+  }
+  const auto is_of_another_version = [this](const CalibrationJob& job) {
+    return job.software_version != options_.software_version &&
+           (job.state == CalibrationState::kQueued || job.lease_is_over);
+  };
+  if (std::ranges::any_of(jobs, is_of_another_version)) {
+    RIGCAL_RETURN_IF_ERROR(store_->AdoptJobs(options_.software_version));
+  }
+  TakeJobs(known, std::move(jobs), workers);
+  return absl::OkStatus();
+}
+
+void CalibrationRunner::TakeJobs(const std::vector<std::string>& known,
+                                 std::vector<CalibrationJob> jobs,
+                                 const std::vector<SolveWorker>& workers) {
+  std::vector<std::string> changed;
+  std::map<std::string, Unfinished> ended;  // their holds are released without the lock
+  bool is_run_due = false;
+  std::vector<std::string> listed;
+  for (CalibrationJob& job : jobs) {
+    const std::string id = job.calibration_id;
+    listed.push_back(id);
+    is_run_due = is_run_due || IsForThisServer(job);
+    const bool is_known = std::ranges::find(known, id) != known.end();
+    Unfinished added = is_known ? Unfinished{} : AddUnfinished(job);
+    std::string waiting = WhyNobodySolves(job, workers);
+    std::lock_guard lock(mutex_);
+    const auto found = unfinished_.find(id);
+    if (found == unfinished_.end()) {
+      if (is_known) continue;  // it has ended since
+      unfinished_.emplace(id, std::move(added));
+      changed.push_back(id);
+      continue;
+    }
+    Unfinished& entry = found->second;
+    if (entry.job.state != job.state || !(entry.job.progress == job.progress) ||
+        !(entry.job.holder == job.holder) || entry.waiting != waiting) {
+      changed.push_back(id);
+    }
+    if (!waiting.empty() && entry.waiting != waiting) {
+      spdlog::warn("calibration {}: {}", id, waiting);
+    }
+    entry.job = std::move(job);
+    entry.waiting = std::move(waiting);
+  }
+  {
+    std::lock_guard lock(mutex_);
+    for (const std::string& id : known) {
+      if (std::ranges::find(listed, id) != listed.end() || solver_.ProgressOf(id)) continue;
+      if (auto node = unfinished_.extract(id)) {
+        ended.emplace(id, std::move(node.mapped()));
+        changed.push_back(id);
+      }
+    }
+    is_run_due = is_run_due && !is_run_posted_;
+    is_run_posted_ = is_run_posted_ || is_run_due;
+  }
+  if (is_run_due) PostRun();
+  for (const auto& [id, entry] : ended) {
+    spdlog::info("calibration {}: ended by {}", id, NameOf(entry.job.holder));
+  }
+  for (const std::string& id : changed) changes_.Notify(id);
+}
+
+bool CalibrationRunner::IsForThisServer(const CalibrationJob& job) const {
+  if (job.state == CalibrationState::kRunning && !job.lease_is_over) return false;
+  return options_.solve_here || job.cancel || job.attempts >= options_.max_attempts;
+}
+
+std::string CalibrationRunner::WhyNobodySolves(const CalibrationJob& job,
+                                               const std::vector<SolveWorker>& workers) const {
+  const bool waits = job.state == CalibrationState::kQueued || job.lease_is_over;
+  if (!waits || options_.solve_here) return "";
+  const SolveWorker* other = nullptr;
+  for (const SolveWorker& worker : workers) {
+    if (!worker.is_alive) continue;
+    if (worker.holder.software_version == options_.software_version) return "";  // all are busy
+    other = &worker;
+  }
+  if (other == nullptr) {
+    return "no rigcal-worker runs, and this server does not solve (solve.local = false): start "
+           "`rigcal-worker --store ...` on a PC that reaches the database";
+  }
+  return absl::StrCat("no rigcal-worker of version ", options_.software_version,
+                      ", that of this server, runs; the one on ", other->holder.host, " has ",
+                      other->holder.software_version, ": install the server's version there");
 }
 
 }  // namespace rigcal::server

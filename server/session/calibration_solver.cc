@@ -11,7 +11,7 @@ namespace rigcal::server {
 CalibrationOutcome CannotRead(const absl::Status& status, const RefusalCounter& refused) {
   return {absl::Status(status.code(),
                        absl::StrCat("the observations cannot be read: ", status.message())),
-          refused.List()};
+          refused.List(), absl::IsUnavailable(status)};
 }
 
 SolveFunction SolveInProcess(CalibrateFunction calibrate) {

@@ -47,6 +47,8 @@ struct CalibrationHooks {
 struct CalibrationOutcome {
   absl::StatusOr<CalibrationResult> result;
   std::vector<Refusal> refused;  // what was left out, also when the solve failed
+  // The observations could not be read because the store could not be reached: nothing was solved.
+  bool store_was_gone = false;
 };
 
 // The whole solve: sort, associate, start, bundle adjustment, residuals. Depends on the set of

@@ -136,7 +136,8 @@ class Store {
                                                              const ClaimOptions& options) = 0;
   // The heartbeat; whether it is to be cancelled. ABORTED: the claim counts no more.
   virtual absl::StatusOr<bool> RenewJob(const JobClaim& claim, const JobProgress& progress) = 0;
-  // Ends the job with what became of its calibration, or gives it back (kQueued). Once: a second
+  // Ends the job with what became of its calibration, or gives it back (kQueued, with its
+  // attempt_count). Once: a second
   // call with the same claim and state changes nothing. ABORTED: the claim counts no more, and
   // nothing is stored.
   virtual absl::Status FinishJob(const JobClaim& claim, const Calibration& calibration) = 0;

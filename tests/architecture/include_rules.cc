@@ -61,9 +61,9 @@ const std::vector<Layer>& Layers() {
       {"server: what is wrong", {"server/solve/diagnose", "server/solve/running"}},
       {"server: the solve", {"server/solve"}},
       {"server: sessions, the solving process", {"server/session", "server/worker"}},
-      {"server: jobs, live state",
-       {"server/jobs", "server/lens", "server/live", "server/metrics", "server/worker/main.cc"}},
-      {"server: services", {"server/estimate", "server/monitor", "server/rpc"}},
+      {"server: jobs, live state", {"server/jobs", "server/lens", "server/live", "server/metrics"}},
+      {"server: services, the program that solves",
+       {"server/estimate", "server/monitor", "server/rpc", "server/worker/main.cc"}},
       {"server: care of the data, turns of several servers", {"server/care", "server/turn"}},
 
       {"client: connection, output", {"client/net", "client/output"}},

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/store/postgresql/postgres_address.h"
+#include "server/store/postgresql/postgres_job_store.h"
 #include "server/store/postgresql/postgres_roster.h"
 #include "server/store/postgresql/postgres_store.h"
 #include "server/store/sqlite/sqlite_store.h"
@@ -68,6 +69,16 @@ absl::StatusOr<std::unique_ptr<ServerRoster>> OpenServerRoster(const std::string
   if (!PostgresAddress::Is(location)) return nullptr;
   RIGCAL_ASSIGN_OR_RETURN(const PostgresAddress address, PostgresAddress::Parse(location));
   return PostgresRoster::Open(address, {.unsafe = options.unsafe}, std::move(own));
+}
+
+absl::StatusOr<std::unique_ptr<Store>> OpenJobStore(const std::string& location) {
+  if (PostgresAddress::Is(location)) return PostgresJobStore::Open(location);
+  return absl::InvalidArgumentError(absl::StrCat(
+      "'", location,
+      "': rigcal-worker takes calibrations from a PostgreSQL database, "
+      "postgresql://USER@HOST/DATABASE. An SQLite database is a file of one PC that one server "
+      "has open; that server solves its calibrations itself. `rigcal-server store copy` moves it "
+      "to PostgreSQL"));
 }
 
 bool IsDatabaseAddress(const std::string& location) { return PostgresAddress::Is(location); }

@@ -39,6 +39,10 @@ absl::StatusOr<std::unique_ptr<ServerRoster>> OpenServerRoster(const std::string
                                                                const StoreOptions& options,
                                                                ServerEntry own);
 
+// Opens the store at `location` beside the server that uses it, to take jobs from it.
+// INVALID_ARGUMENT: it is no database of several processes; else as PostgresJobStore::Open.
+absl::StatusOr<std::unique_ptr<Store>> OpenJobStore(const std::string& location);
+
 // A location as messages may show it: without a password.
 std::string PrintableLocation(const std::string& location);
 

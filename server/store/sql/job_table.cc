@@ -159,13 +159,12 @@ absl::StatusOr<bool> RenewJob(SqlDatabase& database, const JobClaim& claim,
 
 absl::Status FinishJob(SqlDatabase& database, const JobClaim& claim,
                        const Calibration& calibration) {
-  // An attempt that is given back does not count.
-  const int64_t given_back = calibration.state == kQueued ? 1 : 0;
-  const int64_t ended = Query(database,
-                              "UPDATE calibration_job SET state=?, attempts=attempts-?, "
-                              "lease_end_ms=0 WHERE calibration_number=? AND state=2 AND fence=?",
-                              calibration.state, given_back, claim.calibration_number, claim.fence)
-                            .RunAndCount();
+  const int64_t ended =
+      Query(database,
+            "UPDATE calibration_job SET state=?, attempts=?, "
+            "lease_end_ms=0 WHERE calibration_number=? AND state=2 AND fence=?",
+            calibration.state, calibration.attempt_count, claim.calibration_number, claim.fence)
+          .RunAndCount();
   if (ended != 0) return ReplaceCalibration(database, calibration);
   // The same call, whose commit nobody answered.
   SqlStatement row =
@@ -215,6 +214,7 @@ absl::StatusOr<std::vector<CalibrationJob>> ListJobs(SqlDatabase& database, int6
   std::vector<CalibrationJob> jobs;
   while (row.Step()) {
     CalibrationJob job{.calibration_id = row.Text(0),
+                       .session_ids = {},
                        .state = static_cast<CalibrationState>(row.Int64(1)),
                        .attempts = static_cast<int>(row.Int64(2)),
                        .cancel = row.Int64(3) != 0,
@@ -273,7 +273,7 @@ void ForgetWorker(SqlDatabase& database, const JobHolder& holder) {
       .Run();
 }
 
-std::vector<SolveWorker> ListWorkers(SqlDatabase& database, int64_t lease_ms) {
+std::vector<SolveWorker> ListWorkers(SqlDatabase& database) {
   SqlStatement row(database, absl::StrCat("SELECT host, pid, software_version, start_ms, "
                                           "heartbeat_ms, ",
                                           database.NowMs(),
@@ -289,7 +289,8 @@ std::vector<SolveWorker> ListWorkers(SqlDatabase& database, int64_t lease_ms) {
         .holder = {.host = row.Text(0), .pid = row.Int64(1), .software_version = row.Text(2)},
         .start_utc_ns = row.Int64(3) * kNsPerMs,
         .heartbeat_utc_ns = row.Int64(4) * kNsPerMs,
-        .is_alive = row.Int64(5) <= lease_ms};
+        .is_alive = row.Int64(5) <= kJobLease.count(),
+        .calibration_ids = {}};
     const StatementScope scope(job);
     BindAll(job, worker.holder.host, worker.holder.pid);
     while (job.Step()) worker.calibration_ids.push_back(job.Text(0));

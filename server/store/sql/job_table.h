@@ -32,6 +32,6 @@ void AdoptJobs(SqlDatabase& database, std::string_view software_version, bool al
 
 void NoteWorker(SqlDatabase& database, const JobHolder& holder);
 void ForgetWorker(SqlDatabase& database, const JobHolder& holder);
-std::vector<SolveWorker> ListWorkers(SqlDatabase& database, int64_t lease_ms);
+std::vector<SolveWorker> ListWorkers(SqlDatabase& database);
 
 }  // namespace rigcal::server

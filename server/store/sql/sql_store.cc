@@ -295,7 +295,7 @@ absl::Status SqlStore::ForgetWorker(const JobHolder& holder) {
 absl::StatusOr<std::vector<SolveWorker>> SqlStore::ListWorkers() const {
   return reader_->Read("listing the workers",
                        [&](SqlDatabase& database) -> absl::StatusOr<std::vector<SolveWorker>> {
-                         return server::ListWorkers(database, lease_ms());
+                         return server::ListWorkers(database);
                        });
 }
 

@@ -241,6 +241,17 @@ TEST(FormatCalibrationProgress, IsOneLine) {
   EXPECT_EQ(FormatCalibrationProgress(calibration), "calibrating: adjusting 100 %");
   calibration.set_state(v1::Calibration::STATE_QUEUED);
   EXPECT_EQ(FormatCalibrationProgress(calibration), "calibration queued");
+  calibration.mutable_progress()->set_waiting("no rigcal-worker runs");
+  EXPECT_EQ(FormatCalibrationProgress(calibration), "calibration queued: no rigcal-worker runs");
+}
+
+TEST(FormatCalibrationProgress, NamesWhoSolvesElsewhere) {
+  v1::Calibration calibration;
+  calibration.set_state(v1::Calibration::STATE_RUNNING);
+  calibration.mutable_progress()->set_stage(v1::CALIBRATION_STAGE_READING);
+  calibration.mutable_progress()->set_solved_by("rigcal-worker on pc-2 (process 311)");
+  EXPECT_EQ(FormatCalibrationProgress(calibration),
+            "calibrating: reading 0 %, by rigcal-worker on pc-2 (process 311)");
 }
 
 TEST(FormatCalibrationList, HasARowForEach) {

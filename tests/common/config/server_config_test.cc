@@ -92,6 +92,8 @@ calibration_silence_s = 18
 max_age_days = 14
 max_size_mb = 15
 delete_calibrated = true
+[solve]
+local = false
 )"));
   EXPECT_EQ(config.listen, "[::1]:0");
   EXPECT_EQ(config.data_dir, (directory_.path() / "data").string());
@@ -122,6 +124,7 @@ delete_calibrated = true
   EXPECT_TRUE(config.discovery.mdns);
   const RetentionConfig retention{.max_age_days = 14, .max_size_mb = 15, .delete_calibrated = true};
   EXPECT_EQ(config.retention, retention);
+  EXPECT_FALSE(config.solve.local);
 }
 
 TEST_F(ServerConfigTest, AnAbsoluteDataDirectoryStays) {

@@ -38,7 +38,7 @@ class InstalledFilesTest(unittest.TestCase):
         """With the programs of this build in the place of those in /usr/bin."""
         with tempfile.TemporaryDirectory() as folder:
             files = []
-            for name in ("agent", "server"):
+            for name in ("agent", "server", "worker"):
                 files.append(pathlib.Path(folder) / f"rigcal-{name}.service")
                 files[-1].write_text(self.unit(name).replace("/usr/bin/rigcal", f"{BUILD}/bin/rigcal"))
             return subprocess.run([ANALYZE, *arguments, *files], capture_output=True, text=True)
@@ -47,7 +47,7 @@ class InstalledFilesTest(unittest.TestCase):
         files = sorted(str(f.relative_to(self.root)) for f in self.root.rglob("*") if f.is_file())
         self.assertEqual(files, [
             "etc/rigcal/agent.toml", "etc/rigcal/server.toml",
-            f"{UNITS}/rigcal-agent.service", f"{UNITS}/rigcal-server.service",
+            f"{UNITS}/rigcal-agent.service", f"{UNITS}/rigcal-server.service", f"{UNITS}/rigcal-worker.service",
             "usr/lib/sysusers.d/rigcal-agent.conf", "usr/lib/sysusers.d/rigcal-server.conf",
             "usr/lib/udev/rules.d/60-rigcal-agent.rules"])
 

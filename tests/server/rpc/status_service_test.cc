@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <string>
@@ -51,6 +52,10 @@ TEST_F(StatusService, CountsWhatTheServerHas) {
   EXPECT_EQ(status.ingest().problem(), "");
   EXPECT_EQ(status.store().kind(), "sqlite");
   EXPECT_GT(status.store().size_bytes(), 0u);
+  ASSERT_EQ(status.workers_size(), 1);
+  EXPECT_TRUE(status.workers(0).is_server());
+  EXPECT_TRUE(status.workers(0).is_alive());
+  EXPECT_EQ(status.workers(0).pid(), getpid());
 }
 
 TEST_F(StatusService, SaysWhyNothingIsTaken) {

@@ -70,7 +70,7 @@ TEST_F(CalibrationRunnerSolve, ExceptionsOfTheSolveAreFailures) {
 
 TEST_F(CalibrationRunnerSolve, AResultThatCannotBeStoredIsAFailureUntilTheNextStart) {
   solver_.SetBody([this](const server::CalibrationHooks&) {
-    faulty().Fail("UpdateCalibration", absl::ResourceExhaustedError("disk full"));
+    faulty().Fail("FinishJob", absl::ResourceExhaustedError("disk full"));
   });
   const std::string id = Create();
   const Calibration ended = AwaitEnd(id);
@@ -82,7 +82,7 @@ TEST_F(CalibrationRunnerSolve, AResultThatCannotBeStoredIsAFailureUntilTheNextSt
 }
 
 TEST_F(CalibrationRunnerSolve, OneThatCannotBeBegunFailsWithTheReason) {
-  faulty().Fail("UpdateCalibration", absl::ResourceExhaustedError("disk full"));
+  faulty().Fail("ClaimJob", absl::ResourceExhaustedError("disk full"));
   const Calibration ended = AwaitEnd(Create());
   EXPECT_EQ(ended.state, CalibrationState::kFailed);
   EXPECT_THAT(ended.error, HasSubstr("disk full"));
@@ -94,10 +94,10 @@ TEST_F(CalibrationRunnerSolve, ProgressIsShownButNotWritten) {
   std::string id;
   std::atomic<bool> seen = false;
   solver_.SetBody([&](const server::CalibrationHooks& hooks) {
-    writes_before = faulty().CallCount("UpdateCalibration");
+    writes_before = faulty().CallCount("RenewJob");
     for (int i = 0; i <= 1000; ++i) hooks.progress(CalibrationStage::kAdjusting, i / 1000.0);
     hooks.progress(CalibrationStage::kReporting, 0.75);
-    writes_after = faulty().CallCount("UpdateCalibration");
+    writes_after = faulty().CallCount("RenewJob");
     const auto calibrations = runner().ListCalibrations({}, {.limit = 1});
     seen = calibrations.ok() && calibrations->at(0).record.state == CalibrationState::kRunning &&
            calibrations->at(0).record.progress_stage == CalibrationStage::kReporting &&

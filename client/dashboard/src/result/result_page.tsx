@@ -69,6 +69,8 @@ function Result({ id, others, withId, theme, onEnd, ...actives }: {
       <p aria-live="polite">{state === 'STATE_QUEUED' ? 'It waits for the worker.' : `Stage: ${enumWords(progress?.stage, 'CALIBRATION_STAGE_')}`}</p>
       <Meter share={progress?.fraction ?? 0} label="Progress of this stage" />
       {progress?.not_responding && <p class="hint" role="status">Not responding. The server ends it if it stays so.</p>}
+      {progress?.solved_by && <p class="hint">Solved by {progress.solved_by}.</p>}
+      {progress?.waiting && <p class="problem" role="status">It waits: {progress.waiting}.</p>}
       <WorkButton kind="quiet" work={() => cancelCalibration(id)}>Cancel</WorkButton>
     </Panel>;
   }

@@ -55,7 +55,9 @@ class StoreJobs : public ::rigcal::testing::StoreContract {
   // in another one the next server adopts it.
   ClaimedJob ClaimAndDie(const JobHolder& holder) {
     ClaimedJob job = Claim(holder, {.lease = std::chrono::milliseconds(-1)});
-    if (!store().jobs_are_shared()) EXPECT_THAT(store().AdoptJobs("1.0"), IsOk());
+    if (!store().jobs_are_shared()) {
+      EXPECT_THAT(store().AdoptJobs("1.0"), IsOk());
+    }
     return job;
   }
   static Calibration Succeeded(Calibration calibration, uint32_t instants = 7) {
@@ -138,6 +140,7 @@ TEST_P(StoreJobs, OneGivenBackIsNoAttempt) {
   const std::string id = Create();
   ClaimedJob job = Claim(kFirst);
   job.calibration.state = CalibrationState::kQueued;
+  job.calibration.attempt_count = 0;
   ASSERT_THAT(store().FinishJob(job.claim, job.calibration), IsOk());
   const ClaimedJob again = Claim(kSecond);
   EXPECT_EQ(again.claim.calibration_id, id);
@@ -219,10 +222,13 @@ TEST_P(StoreJobs, WhatAServerHeldIsQueuedAgainByTheNext) {
 }
 
 TEST_P(StoreJobs, AClockThatWasSetBackKeepsNoJobForGood) {
-  if (!store().jobs_are_shared()) GTEST_SKIP() << "its claims have no end";
   Create();
   // As the lease of a holder that is gone looks after the clock was set back by an hour.
   const ClaimedJob gone = Claim(kFirst, {.lease = std::chrono::hours(1)});
+  if (!store().jobs_are_shared()) {
+    EXPECT_TRUE(NoJob(kSecond)) << "a claim of one process has no end";
+    return;
+  }
   const ClaimedJob next = Claim(kSecond);
   EXPECT_GT(next.claim.fence, gone.claim.fence);
   EXPECT_THAT(store().FinishJob(gone.claim, Succeeded(gone.calibration)),
@@ -265,7 +271,7 @@ TEST_P(StoreJobs, ListsWorkers) {
   EXPECT_THAT(workers[1].calibration_ids, ElementsAre(id));
   EXPECT_GT(workers[0].start_utc_ns, int64_t{1'500'000'000} * 1'000'000'000);
   EXPECT_GE(workers[0].heartbeat_utc_ns, workers[0].start_utc_ns);
-  EXPECT_EQ(workers[0].is_alive, store().jobs_are_shared());
+  EXPECT_TRUE(workers[0].is_alive);
   ASSERT_THAT(store().ForgetWorker(kFirst), IsOk());
   EXPECT_THAT(*store().ListWorkers(), SizeIs(1));
 }

@@ -157,15 +157,14 @@ void JobSolver::Solve(const JobClaim& claim, Calibration* calibration) {
     }
     const auto start = std::chrono::steady_clock::now();
     const auto parent = ParentOf(*store_, calibration->options);
-    CalibrationOutcome outcome{parent.status(), {}, absl::IsUnavailable(parent.status())};
-    if (parent.ok()) {
-      outcome = solve_({.store = *store_,
-                        .session_ids = calibration->session_ids,
-                        .max_observations = options_.max_observations,
-                        .options = calibration->options,
-                        .parent = *parent ? &**parent : nullptr},
-                       hooks);
-    }
+    CalibrationOutcome outcome =
+        parent.ok() ? solve_({.store = *store_,
+                              .session_ids = calibration->session_ids,
+                              .max_observations = options_.max_observations,
+                              .options = calibration->options,
+                              .parent = *parent ? &**parent : nullptr},
+                             hooks)
+                    : CalibrationOutcome{parent.status(), {}, absl::IsUnavailable(parent.status())};
     calibration->duration_s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (TakeOutcome(std::move(outcome), calibration)) {

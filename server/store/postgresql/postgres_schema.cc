@@ -196,8 +196,9 @@ INSERT INTO writer(owner, transaction) VALUES(0, 0);
 // server: `beat` grows with each sign of life. document: files that each of them needs, with a
 // version that grows with each change of any; without a body it was removed.
 //
-// calibration_job, calibration_worker: the queue of calibrations, and the processes that take from it. Times are of the database's
-// clock, milliseconds since 1970. See server/store/calibration_job.h.
+// calibration_job, calibration_worker: the queue of calibrations, and the processes that take from
+// it. Times are of the database's clock, milliseconds since 1970. See
+// server/store/calibration_job.h.
 constexpr char kVersion2[] = R"sql(
 ALTER TABLE writer ADD COLUMN server TEXT COLLATE "C";
 CREATE TABLE server(

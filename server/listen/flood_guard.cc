@@ -50,6 +50,7 @@ std::vector<FloodGuard::Cut> FloodGuard::Look(const std::vector<ConnectionTraffi
   std::vector<Cut> cuts;
   const Account* suspect = nullptr;  // the greatest
   const Account* greatest = nullptr;
+  double offered = 0;  // bytes that flow control has let through, and no service has got
   for (const ConnectionTraffic& traffic : open) {
     const auto known = accounts_.find(traffic.id);
     Account account = known == accounts_.end() ? Account() : known->second;
@@ -61,6 +62,7 @@ std::vector<FloodGuard::Cut> FloodGuard::Look(const std::vector<ConnectionTraffi
     account.last = traffic;
     account.unexplained = std::max(0.0, account.unexplained + received - explained);
     account.received_since = account.unexplained > 0 ? account.received_since + received : 0;
+    offered += std::min(account.unexplained, static_cast<double>(limits_.window_bytes));
     const bool is_slow = IsSlow(&account, now);
     const Account& kept = accounts[traffic.id] = account;
     if (is_slow) {
@@ -85,7 +87,7 @@ std::vector<FloodGuard::Cut> FloodGuard::Look(const std::vector<ConnectionTraffi
   }
   accounts_ = std::move(accounts);
 
-  const auto memory = static_cast<double>(memory_bytes);
+  const double memory = std::max(0.0, static_cast<double>(memory_bytes) - offered);
   if (first || memory < calm_memory_) calm_memory_ = memory;
   const double growth = memory - calm_memory_;
   const bool too_much = growth > static_cast<double>(limits_.most_memory_growth_bytes);

@@ -19,13 +19,17 @@ struct ConnectionTraffic {
 };
 
 struct FloodLimits {
+  // Flow control lets a stream have so many bytes on their way to a service that is busy: 4 MB/s
+  // over a line of 30 ms, 128 MB/s over one of 1 ms. So much of a connection's unexplained bytes is
+  // memory that was offered to it. Less than slow_bytes.
+  uint64_t window_bytes = 128u << 10;
   // Received over one connection and not explained: one and a half of the largest messages.
   uint64_t unexplained_bytes = 6u << 20;
   // From here on a connection is a suspect, if half of what it received lately is not explained.
   uint64_t suspect_bytes = 64u << 10;
-  // Growth of the process's memory since it had no suspect, at which the greatest suspect is cut;
-  // and at which the connection with most unexplained bytes is, whatever their share, if they are
-  // as many as `least_bytes`.
+  // Growth of the process's memory since it had no suspect, without what was offered, at which the
+  // greatest suspect is cut; and at which the connection with most unexplained bytes is, whatever
+  // their share, if they are as many as `least_bytes`.
   uint64_t memory_growth_bytes = 96u << 20;
   uint64_t most_memory_growth_bytes = 256u << 20;
   uint64_t least_bytes = 16u << 10;
@@ -55,7 +59,8 @@ class FloodGuard {
     std::string why;  // "it has sent 8.4 MB that no call accounts for"
   };
   // The connections that must be cut now. To be called several times a second, with all open ones.
-  // `memory_bytes`: resident in this process; 0: not known.
+  // `memory_bytes`: resident in this process, without what it holds of whole messages; 0: not
+  // known.
   std::vector<Cut> Look(const std::vector<ConnectionTraffic>& open, uint64_t memory_bytes,
                         Clock::time_point now);
   // There was a suspect the last time: look again soon.

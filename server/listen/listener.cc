@@ -178,7 +178,8 @@ void Listener::LookForFloods() {
   const Clock::time_point now = Clock::now();
   if (now < next_look_) return;
   const uint64_t resident_bytes = ResidentBytes();
-  for (const FloodGuard::Cut& cut : guard_.Look(connections_.Traffic(), resident_bytes, now)) {
+  const uint64_t unclaimed_bytes = UnclaimedBytes(resident_bytes);
+  for (const FloodGuard::Cut& cut : guard_.Look(connections_.Traffic(), unclaimed_bytes, now)) {
     const std::optional<Connections::Flooding> flooding = connections_.CutFlood(cut.id, cut.why);
     if (!flooding) continue;
     const std::string peer = flooding->peer ? Describe(*flooding->peer) : "a client";
@@ -207,6 +208,14 @@ void Listener::LookForFloods() {
   GiveMemoryBack(resident_bytes, now);
 }
 
+uint64_t Listener::UnclaimedBytes(uint64_t resident_bytes) {
+  // malloc keeps what was freed until it is given back.
+  if (options_.waiting_bytes) {
+    most_waiting_bytes_ = std::max(most_waiting_bytes_, options_.waiting_bytes());
+  }
+  return resident_bytes - std::min(resident_bytes, most_waiting_bytes_);
+}
+
 void Listener::GiveMemoryBack(uint64_t resident_bytes, Clock::time_point now) {
   const bool after_flood = !give_back_.empty() && give_back_.front() <= now;
   if (after_flood) give_back_.pop_front();
@@ -214,6 +223,7 @@ void Listener::GiveMemoryBack(uint64_t resident_bytes, Clock::time_point now) {
   if (!after_flood && !has_grown) return;
   malloc_trim(0);
   kept_bytes_ = ResidentBytes();
+  most_waiting_bytes_ = 0;
   next_give_back_ = now + kGiveBackInterval;
 }
 

@@ -41,6 +41,9 @@ struct ListenerOptions {
   std::chrono::milliseconds probe_interval{10'000};
   std::chrono::milliseconds probe_timeout{5'000};
   FloodLimits floods = {};
+  // Bytes of deliveries that wait to be stored: memory that is no flood. Empty: none. Called on the
+  // accepting thread, several times a second.
+  std::function<uint64_t()> waiting_bytes = {};
   // How often it looks for floods while there are connections; and while one is suspected.
   std::chrono::milliseconds flood_interval{50};
   std::chrono::milliseconds suspect_interval{10};
@@ -98,6 +101,8 @@ class Listener {
   void Watch(int descriptor, uint32_t events, int operation) const;
   void PauseAccepting();
   void LookForFloods();
+  // Of the memory that this process has, what deliveries that wait to be stored do not hold.
+  uint64_t UnclaimedBytes(uint64_t resident_bytes);
   void GiveMemoryBack(uint64_t resident_bytes, Clock::time_point now);
   void RunProbes();
 
@@ -123,6 +128,7 @@ class Listener {
   std::deque<Clock::time_point> give_back_;
   Clock::time_point next_give_back_ = {};
   uint64_t kept_bytes_ = 0;
+  uint64_t most_waiting_bytes_ = 0;  // since then
 
   std::mutex mutex_;
   std::condition_variable stop_changed_;

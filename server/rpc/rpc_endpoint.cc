@@ -61,6 +61,11 @@ void SetLimits(const RpcEndpointOptions& options, size_t max_message_bytes,
   // them: 4 MB, its own limit, hold 35 000 calls of 11 KB each.
   builder->AddChannelArgument(GRPC_ARG_TCP_MAX_READ_CHUNK_SIZE, kMaxReadBytes);
   builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, 128);
+  // On a fast link gRPC would let the window of each stream grow to megabytes, while the server is
+  // busy with those of others.
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES,
+                              static_cast<int>(options.listener.floods.window_bytes));
   // A connection without any traffic is asked for a sign of life, and closed without an answer.
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 10'000);
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 5'000);

@@ -27,13 +27,21 @@ constexpr const char* kOtherServices[] = {
     "rigcal.v1.LiveService",    "rigcal.v1.MaintenanceService",  "rigcal.v1.RigService",
     "rigcal.v1.StatusService",  "rigcal.v1.TriangulationService"};
 
+RpcEndpointOptions EndpointOptions(const RpcServerOptions& options, const Ingest* ingest) {
+  RpcEndpointOptions result = options.endpoint;
+  if (ingest != nullptr) {
+    result.listener.waiting_bytes = [ingest] { return ingest->Stats().queue_bytes; };
+  }
+  return result;
+}
+
 }  // namespace
 
 RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
     : options_(std::move(options)),
       parts_(parts),
       audit_(parts.audit == nullptr ? no_audit_ : *parts.audit),
-      endpoint_(options_.endpoint, &audit_),
+      endpoint_(EndpointOptions(options_, parts.ingest), &audit_),
       previews_(options_.previews, parts.directory),
       detectors_(options_.detectors, parts.directory),
       choices_(options_.choices, parts.directory, parts.registry),

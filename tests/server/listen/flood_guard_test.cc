@@ -15,6 +15,7 @@ using ::testing::ElementsAre;
 using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::SizeIs;
 
 constexpr uint64_t kMb = 1'000'000;
 
@@ -133,6 +134,26 @@ TEST_F(FloodGuardTest, MuchMemoryCutsWhoeverHasMostUnexplained) {
   second().explained_bytes += 9 * kMb;
   memory_ += 300 * kMb;
   EXPECT_THAT(Look(), ElementsAre(Field(&FloodGuard::Cut::id, 2)));
+}
+
+// Hundreds of agents that send at once to a server that is busy.
+TEST_F(FloodGuardTest, MemoryThatFlowControlHasOfferedIsNoFlood) {
+  EXPECT_THAT(Look(), IsEmpty());
+  for (uint64_t id = 3; id <= 1'000; ++id) open_.push_back({.id = id});
+  for (ConnectionTraffic& traffic : open_) traffic.received_bytes += 100'000;
+  memory_ += 190 * kMb;  // of which 100 MB are theirs
+  EXPECT_THAT(Look(), IsEmpty());
+  memory_ += 20 * kMb;
+  EXPECT_THAT(Look(), SizeIs(1));
+}
+
+TEST_F(FloodGuardTest, MoreThanAWindowIsNotOffered) {
+  EXPECT_THAT(Look(), IsEmpty());
+  first().received_bytes += 5 * kMb;
+  memory_ += 100 * kMb;
+  EXPECT_THAT(Look(), IsEmpty());
+  memory_ += kMb;
+  EXPECT_THAT(Look(), ElementsAre(Field(&FloodGuard::Cut::id, 1)));
 }
 
 TEST_F(FloodGuardTest, ANewConnectionBeginsAnew) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bundles a test program and runs it: node run_test.mjs unit|browser|real|finish|heap|usable|shots|mock
+// Bundles a test program and runs it: node run_test.mjs unit|browser|real|finish|heap|usable|many|shots|mock
 // What cannot run here says so on a line "[  SKIPPED ] ...".
 import { build } from 'esbuild';
 import { spawnSync } from 'node:child_process';
@@ -11,9 +11,9 @@ const here = dirname(fileURLToPath(import.meta.url));
 const kind = process.argv[2] ?? 'unit';
 const files = {
   unit: readdirSync(join(here, 'test')).filter((name) => name.endsWith('_test.ts')).map((name) => `test/${name}`),
-  browser: ['test/browser_finish.ts', 'test/browser_lens.ts', 'test/browser_sessions.ts', 'test/browser_page.ts', 'test/browser_pattern.ts'], real: ['test/real.ts'], finish: ['test/finish.ts'], heap: ['test/heap.ts'], shots: ['test/shots.ts'], usable: ['test/usable.ts'], mock: ['test/mock_main.ts'],
+  browser: ['test/browser_finish.ts', 'test/browser_lens.ts', 'test/browser_sessions.ts', 'test/browser_page.ts', 'test/browser_pattern.ts', 'test/browser_many.ts'], real: ['test/real.ts'], finish: ['test/finish.ts'], heap: ['test/heap.ts'], shots: ['test/shots.ts'], usable: ['test/usable.ts'], many: ['test/many.ts'], mock: ['test/mock_main.ts'],
 }[kind];
-if (!files) throw new Error(`run_test: unit, browser, real, finish, heap, usable, shots or mock, not "${kind}"`);
+if (!files) throw new Error(`run_test: unit, browser, real, finish, heap, usable, many, shots or mock, not "${kind}"`);
 const env = { ...process.env };
 if (kind !== 'unit' && kind !== 'mock') {
   env.RIGCAL_CHROMIUM ??= ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find(existsSync);

@@ -63,14 +63,17 @@ export class MockRig {
   reached = false;
 
   constructor(cameraCount: number) {
+    const rings = Math.max(1, Math.ceil(cameraCount / 64));
     const wanted: Vec3 = [0, 0.9, 3];
     for (let i = 0; i < cameraCount; ++i) {
       const angle = (2 * Math.PI * i) / cameraCount;
-      const centre: Vec3 = [3.4 * Math.sin(angle), i % 2 ? 0.35 : 0, 3 - 3.4 * Math.cos(angle)];
+      // A large rig stands in several rings.
+      const away = 3.4 + 0.7 * (i % rings);
+      const centre: Vec3 = [away * Math.sin(angle), i % 2 ? 0.35 : 0, 3 - away * Math.cos(angle)];
       const forward = normalized(subtract(wanted, centre));
       const right = normalized(cross([0, 1, 0], forward));
       this.cameras.push({
-        name: `${i % 4 === 3 ? 'event' : 'frame'}_${i}`, agent: `pc-${1 + Math.floor((i * 3) / cameraCount)}`,
+        name: `${i % 4 === 3 ? 'event' : 'frame'}_${i}`, agent: `pc-${1 + Math.floor((i * Math.max(3, Math.ceil(cameraCount / 8))) / cameraCount)}`,
         centre, camFromRig: [right, cross(forward, right), forward], counts: new Uint8Array(columns * rows),
         trail: [], observations: 0, wand: 0, shared: 0, blind: false,
       });
@@ -156,7 +159,8 @@ export class MockRig {
     if (seen.length < 2) return;
     for (let i = 0; i < seen.length; ++i) {
       seen[i]!.shared += 2;
-      for (let j = i + 1; j < seen.length; ++j) {
+      // Of a very large rig, only those that needs speak of.
+      for (let j = i + 1; j < Math.min(seen.length, this.cameras.length > 64 ? i + 3 : Infinity); ++j) {
         const key = `${seen[i]!.name} ${seen[j]!.name}`;
         this.pairs.set(key, (this.pairs.get(key) ?? 0) + 2);
       }
@@ -246,7 +250,7 @@ export class MockRig {
     alerts: { alerts: LiveAlert[] }; agents: object; goal: LiveGoal | undefined } {
     const names = this.cameras.map((camera) => camera.name);
     const counts: number[] = [];
-    for (let i = 0; i < names.length; ++i) {
+    for (let i = 0; i < names.length && names.length <= 256; ++i) {
       for (let j = i + 1; j < names.length; ++j) {
         counts.push(this.pairs.get(`${names[i]} ${names[j]}`) ?? this.pairs.get(`${names[j]} ${names[i]}`) ?? 0);
       }
@@ -279,7 +283,8 @@ export class MockRig {
           ...(i < 3 ? { wand: 2, wand_time_s: 754.2 } : {}) },
         coverage: { columns, rows, counts: base64(camera.counts),
           covered_share: camera.counts.filter((value) => value >= 5).length / camera.counts.length },
-        trail: camera.trail.map((point) => ({ age_ms: Math.round((this.now - point.at) * 1000), x0_px: point.x0,
+        // As of the real server.
+        trail: this.cameras.length > 64 ? [] : camera.trail.map((point) => ({ age_ms: Math.round((this.now - point.at) * 1000), x0_px: point.x0,
           y0_px: point.y0, x1_px: point.x1, y1_px: point.y1 })),
         shared_instant_count: camera.shared, shared_instant_goal: 400,
         reprojection_rms_px: this.estimate.state === 'STATE_READY' && !camera.blind ? 0.28 + 0.02 * i : 0,

@@ -4,6 +4,7 @@ import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import { dropCamera, useCamera } from '../api/server_api';
 import type { Agent, OfferedCamera } from '../api/types';
+import { FirstOf } from '../cameras/camera_list';
 import { Chip, type Mark, Panel, WorkButton } from '../shell/parts';
 
 const states: Record<string, [Mark, string]> = {
@@ -63,8 +64,11 @@ export function OfferedCameras({ agents, stale, onDone }: { agents: Agent[]; sta
     .flatMap((agent) => (agent.offered ?? []).map((camera) => ({ agent, camera })));
   if (offers.length === 0) return null;
   const unused = offers.filter(({ camera }) => camera.use === 'USE_FREE' && !camera.camera).length;
+  // Of many, those first for which a person can do something.
+  const rank = (use: string | undefined): number => (use === 'USE_TAKES_PART' ? 1 : 0);
+  const sorted = offers.length <= 16 ? offers : [...offers].sort((a, b) => rank(a.camera.use) - rank(b.camera.use));
   return <Panel name="offers" title={`Found cameras (${offers.length}, ${unused} not used)`}>
-    <ul class="offergrid">{offers.map(({ agent, camera }) => <OfferRow key={`${agent.agent_id}/${camera.device}`} agent={agent}
-      camera={camera} stale={stale} onDone={onDone} />)}</ul>
+    <FirstOf items={sorted} step={16}>{(shown) => <ul class="offergrid">{shown.map(({ agent, camera }) => <OfferRow key={`${agent.agent_id}/${camera.device}`} agent={agent}
+      camera={camera} stale={stale} onDone={onDone} />)}</ul>}</FirstOf>
   </Panel>;
 }

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 import type { JSX } from 'preact';
-import { useEffect, useState } from 'preact/hooks';
+import { useEffect, useMemo, useState } from 'preact/hooks';
 import { timeMs, toCount } from '../api/json_values';
 import { listAgents } from '../api/server_api';
 import type { Agent, CameraDescription, LiveCamera } from '../api/types';
+import { FirstOf, SearchField } from '../cameras/camera_list';
+import { type CameraNeed, fewCameras, matching, needsOf, needsText } from '../cameras/camera_needs';
+import type { RigState } from '../live/live_merge';
 import { useFeed } from '../shell/feed_context';
 import { Chip, Meter, Panel, Problem } from '../shell/parts';
 import { hashOf } from '../shell/route';
@@ -17,8 +20,9 @@ import { Preview } from './preview';
 
 const sensors: Record<string, string> = { SENSOR_FRAME: 'frame camera', SENSOR_EVENT: 'event camera' };
 
-function CameraCard({ live, description, rig, stale, session }: {
+function CameraCard({ live, description, rig, stale, session, need }: {
   live: LiveCamera; description: CameraDescription | undefined; rig: string; stale: boolean; session: string;
+  need?: CameraNeed;
 }): JSX.Element {
   const [mark, word] = cameraState(live);
   const settings = description?.settings;
@@ -28,6 +32,7 @@ function CameraCard({ live, description, rig, stale, session }: {
   const name = live.camera ?? '';
   return <li class="cameracard">
     <div class="head"><h3>{live.camera}</h3><Chip mark={stale ? 'idle' : mark}>{stale ? 'not known' : word}</Chip></div>
+    {!stale && need && need.why !== '' && <p class="need"><Chip mark={need.mark}>{need.why}</Chip></p>}
     {live.has_preview && live.state !== 'STATE_OFFLINE' ? <Preview rig={rig} camera={name}
       state={`${live.state} ${live.agent_id} ${session}`} />
       : <div class="preview nothing"><p>{live.state === 'STATE_OFFLINE' ? 'its agent is not connected' : 'this camera gives no previews'}</p></div>}
@@ -68,6 +73,25 @@ function AgentRow({ agent, connected }: { agent: Agent; connected: boolean | und
   </tr>;
 }
 
+/** The cards of a large rig: a search, those that need something first, and as many as fit a screen. */
+function ManyCards({ rig, card }: { rig: RigState; card: (camera: LiveCamera, need: CameraNeed) => JSX.Element }): JSX.Element {
+  const [text, setText] = useState('');
+  const needs = useMemo(() => needsOf(rig.cameras, rig.alerts), [rig.cameras, rig.alerts]);
+  const found = useMemo(() => matching(needs, text), [needs, text]);
+  return <>
+    <p class="summary">{needsText(needs)}</p>
+    <SearchField text={text} label="Find a camera" onChange={setText} />
+    {found.length === 0 ? <p class="empty">No camera has this in its name, its agent or what it needs.</p>
+      : <FirstOf items={found} step={12}>{(shown) => <ul class="cameragrid">{shown.map((need) => card(need.camera, need))}</ul>}</FirstOf>}
+  </>;
+}
+
+/** Agents of many: those that are away, or whose spool has a problem, first. */
+function awayFirst(agents: readonly Agent[], isConnected: (agent: Agent) => boolean): Agent[] {
+  const rank = (agent: Agent): number => (!isConnected(agent) ? 0 : agent.spool?.problem ? 1 : 2);
+  return [...agents].sort((a, b) => rank(a) - rank(b));
+}
+
 /** PCs, cameras, clocks and the server. */
 export function RigPage(): JSX.Element {
   const { rig, stale, status } = useFeed();
@@ -81,17 +105,27 @@ export function RigPage(): JSX.Element {
   useEffect(() => {
     return whileVisible(5000, () => setNow(Date.now()));
   }, []);
+  const [agentText, setAgentText] = useState('');
+  const [allAgents, setAllAgents] = useState(false);
+  const ofSearch = all.length <= fewCameras ? all
+    : awayFirst(all, (agent) => connected.get(agent.agent_id) ?? agent.connected ?? false)
+      .filter((agent) => `${agent.agent_id} ${agent.host}`.toLowerCase().includes(agentText.trim().toLowerCase()));
+  const shownAgents = allAgents ? ofSearch : ofSearch.slice(0, fewCameras);
   const store = status?.store;
   const problem = status?.ingest?.problem || store?.problem || '';
+  const card = (camera: LiveCamera, need?: CameraNeed): JSX.Element => <CameraCard key={camera.camera} live={camera} rig={rig.rig} stale={stale}
+    session={rig.session?.id ?? ''} description={descriptions.get(camera.camera)} need={need} />;
   return <div class="rigpage">
     <Panel name="agents" title={`Agents (${all.length})`} aside={<a class="button" href={hashOf('join')}>Connect a PC</a>}>
       <Problem text={agents.problem} />
       {all.length > 0 && <div class="scroll" tabIndex={0} role="region" aria-label="Agents"><table>
         <thead><tr><th scope="col">agent</th><th scope="col">state</th><th scope="col">PC</th><th scope="col">rig</th><th scope="col">cameras</th>
           <th scope="col">waiting</th><th scope="col">spool</th><th scope="col">version</th></tr></thead>
-        <tbody>{all.map((agent) => <AgentRow key={agent.agent_id} agent={agent}
+        <tbody>{shownAgents.map((agent) => <AgentRow key={agent.agent_id} agent={agent}
           connected={stale ? undefined : connected.get(agent.agent_id) ?? agent.connected ?? false} />)}</tbody>
       </table></div>}
+      {all.length > fewCameras && <SearchField text={agentText} label="Find an agent or a PC" onChange={setAgentText} />}
+      {ofSearch.length > shownAgents.length && <button type="button" class="more" onClick={() => setAllAgents(true)}>Show all {ofSearch.length} agents</button>}
       {all.length === 0 && !agents.loading && <p class="empty">No agent is connected. <a href={hashOf('join')}>Connect a PC</a></p>}
     </Panel>
     <OfferedCameras agents={all} stale={stale} onDone={agents.reload} />
@@ -108,8 +142,7 @@ export function RigPage(): JSX.Element {
       </dl>
     </Panel>
     <Panel name="cameras" title={`Cameras (${rig.cameras.length})`}>
-      <ul class="cameragrid">{rig.cameras.map((camera) => <CameraCard key={camera.camera} live={camera} rig={rig.rig} stale={stale}
-        session={rig.session?.id ?? ''} description={descriptions.get(camera.camera)} />)}</ul>
+      {rig.cameras.length > fewCameras ? <ManyCards rig={rig} card={card} /> : <ul class="cameragrid">{rig.cameras.map((camera) => card(camera))}</ul>}
     </Panel>
   </div>;
 }

@@ -4,7 +4,7 @@ import { palette } from '../shell/palette';
 import { errorQuality, qualityRgb, rgbText, wantedMm } from '../view/colour_scale';
 import { add, boxOf, type DrawnCamera, type Vec3 } from '../view/geometry';
 import type { RigModel } from '../view/rig_model';
-import { type LabelBox, placeLabels, scaleBar } from './plan_layout';
+import { type LabelBox, mostNamed, placeLabels, scaleBar } from './plan_layout';
 
 /** Which two room axes are drawn: [across, up]. */
 export type PlanView = 'top' | 'side';
@@ -134,7 +134,7 @@ export function drawPlan(context: CanvasRenderingContext2D, width: number, heigh
       const [x, y] = [Math.min(...xs), Math.min(...ys)];
       return { x, y, width: Math.max(...xs) - x, height: Math.max(...ys) - y };
     })];
-  const labels = placeLabels(model.cameras.map((camera) => ({ text: camera.name, at: at(camera.rigFromCam.t),
+  const labels = placeLabels((model.cameras.length > mostNamed ? [] : model.cameras).map((camera) => ({ text: camera.name, at: at(camera.rigFromCam.t),
     width: context.measureText(camera.name).width + 4 })), taken, width, height, px.label);
   context.textBaseline = 'middle';
   context.textAlign = 'left';

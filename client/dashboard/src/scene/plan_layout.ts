@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Names in a plan that do not cover each other, and a bar for its scale.
 
+/** So many cameras have their names in a picture of the rig: of more no name could be read. */
+export const mostNamed = 64;
+
 /** A box, pixels from the top left. */
 export interface LabelBox {
   x: number;

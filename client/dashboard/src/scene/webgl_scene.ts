@@ -7,6 +7,7 @@ import {
   SpriteMaterial, Vector3, WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
+import { mostNamed } from './plan_layout';
 import { palette } from '../shell/palette';
 import { errorQuality, qualityRgb, wantedMm } from '../view/colour_scale';
 import { add, boxOf, type DrawnCamera, scale, type Vec3 } from '../view/geometry';
@@ -185,11 +186,13 @@ export class WebGlScene {
     for (const camera of model.cameras) {
       this.cameraGroup.add(new LineSegments(lineGeometry(frustumPoints(camera, size * 0.07)),
         new LineBasicMaterial({ color: new Color(colours.ink) })));
-      const label = textSprite(camera.name, colours.ink);
-      this.sizeLabel(label);
-      this.labels.push(label);
-      label.position.copy(place(camera.rigFromCam.t)).add(new Vector3(0, size * 0.05, 0));
-      this.cameraGroup.add(label);
+      if (model.cameras.length <= mostNamed) {
+        const label = textSprite(camera.name, colours.ink);
+        this.sizeLabel(label);
+        this.labels.push(label);
+        label.position.copy(place(camera.rigFromCam.t)).add(new Vector3(0, size * 0.05, 0));
+        this.cameraGroup.add(label);
+      }
       const axes = model.ellipsoids.get(camera.name);
       if (!axes || worstSigma <= 0) continue;
       const ball = new Mesh(new SphereGeometry(1, 20, 12),

@@ -9,6 +9,8 @@ export interface Palette {
   surface: string;
   accent: string;
   bad: string;
+  warn: string;
+  good: string;
 }
 
 let current: Palette | undefined;
@@ -21,7 +23,7 @@ export function palette(): Palette {
     const style = getComputedStyle(root);
     const read = (name: string) => style.getPropertyValue(name).trim();
     current = { theme, ink: read('--ink'), faint: read('--faint'), line: read('--line'), surface: read('--well'),
-      accent: read('--accent'), bad: read('--bad') };
+      accent: read('--accent'), bad: read('--bad'), warn: read('--warn'), good: read('--good') };
   }
   return current;
 }

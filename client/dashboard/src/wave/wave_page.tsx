@@ -3,6 +3,8 @@ import type { JSX } from 'preact';
 import { useEffect, useMemo, useState } from 'preact/hooks';
 import { timeMs } from '../api/json_values';
 import type { LiveAlert, LiveFigure } from '../api/types';
+import { fewCameras as fewTiles } from '../cameras/camera_needs';
+import { ManyCameras } from '../cameras/many_cameras';
 import { useFeed, useFeedControl } from '../shell/feed_context';
 import { Panel } from '../shell/parts';
 import { hashOf } from '../shell/route';
@@ -15,7 +17,7 @@ import { Alerts, PairNeeds } from './alerts';
 import { CameraTile } from './camera_tile';
 import { FigureCurve } from './figure_curve';
 import { LiveFigureRegion } from './figure_region';
-import { OverlapMatrix } from './overlap_matrix';
+import { LeastShared, mostInMatrix, OverlapMatrix } from './overlap_matrix';
 import { isCapturing, progressOf } from './progress';
 import { SessionControls, usableCameras } from './session_controls';
 
@@ -90,15 +92,16 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
       <SceneView model={model} goalMm={progress.goalMm} theme={theme} label="Cameras, wand and expected error"
         note={capturing && !stale ? '○ blue: wave here · wire: worst place' : 'wire: worst place'} />
     </Panel>
-    <Panel name="tiles" title={`Cameras (${rig.cameras.length})`} aside={<div class="tilesaside"><CoverageLegend />
+    <Panel name="tiles" title={`Cameras (${rig.cameras.length})`} aside={<div class="tilesaside">{rig.cameras.length <= fewTiles && <CoverageLegend />}
       {rig.cameras.some((camera) => camera.has_preview) && <button type="button" aria-pressed={pictures}
         onClick={() => setPictures(changeSettings({ pictures: !pictures }).pictures)}>Pictures</button>}</div>}>
       {rig.cameras.length === 0 ? <p class="empty">{stale || rig.revision === '' ? 'Not known yet.' : 'No camera is connected.'}</p>
+        : rig.cameras.length > fewTiles ? <ManyCameras rig={rig} model={model} stale={stale} theme={theme} pictures={pictures} alertOf={byCamera} />
         : <ul class="tilegrid" style={{ maxWidth: `${rig.cameras.length * 24.6}rem` }}>{rig.cameras.map((camera) => <CameraTile key={camera.camera} camera={camera}
           alert={byCamera.get(camera.camera ?? '')} stale={stale} theme={theme} pictures={pictures ? rig.rig : ''} state={rig.session?.id ?? ''} />)}</ul>}
     </Panel>
-    <Panel name="overlap" title="Common instants of pairs">
-      <OverlapMatrix overlap={rig.overlap} />
+    <Panel name="overlap" title={rig.cameras.length > mostInMatrix ? 'Least seen together with others' : 'Common instants of pairs'}>
+      {rig.cameras.length > mostInMatrix ? <LeastShared cameras={rig.cameras} /> : <OverlapMatrix overlap={rig.overlap} />}
     </Panel>
   </div>;
 }

@@ -117,9 +117,10 @@ ExitCode ListCalibrations(const ListOptions& options, CommandContext& context) {
                       FormatCalibrationList);
 }
 
-ExitCode GetCalibration(const std::string& id, CommandContext& context) {
+ExitCode GetCalibration(const CalibrationGetOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
-  return context.Show(FetchCalibration(server, id), FormatCalibration);
+  return context.Show(FetchCalibration(server, options.id),
+                      options.all ? FormatWholeCalibration : FormatCalibration);
 }
 
 ExitCode CancelCalibration(const std::string& id, CommandContext& context) {

@@ -40,7 +40,11 @@ struct CalibrationPair {
 // `rigcal calibration ...`. Each returns the exit code.
 
 ExitCode ListCalibrations(const ListOptions& options, CommandContext& context);
-ExitCode GetCalibration(const std::string& id, CommandContext& context);
+struct CalibrationGetOptions {
+  std::string id;
+  bool all = false;  // every camera, however many there are
+};
+ExitCode GetCalibration(const CalibrationGetOptions& options, CommandContext& context);
 ExitCode CancelCalibration(const std::string& id, CommandContext& context);
 struct CalibrationDeleteOptions {
   std::string id;

@@ -19,6 +19,8 @@ namespace rigcal::client {
 namespace {
 
 constexpr char kIdHelp[] = "Id of the calibration";
+constexpr char kAllHelp[] =
+    "Every camera; without it those of a rig of more than 16 that need something";
 
 // "10", "10s" or "1.5min".
 absl::StatusOr<double> ParseSeconds(const std::string& text) {
@@ -273,7 +275,11 @@ void AddCalibrationCommands(CommandParser& parser) {
     auto [app, id] = parser.AddCommand(group, name, description, run);
     AddArgument(app, "ID", kIdHelp, id);
   };
-  add("get", "One calibration with everything in it", GetCalibration);
+  auto [get, shown] =
+      parser.AddCommand(group, "get", "One calibration with everything in it", GetCalibration);
+  get->alias("show");
+  AddArgument(get, "ID", kIdHelp, &shown->id);
+  get->add_flag("--all", shown->all, kAllHelp);
   add("cancel", "Stop one that is queued or running", CancelCalibration);
   auto [remove, removed] =
       parser.AddCommand(group, "delete", "Remove one that has ended", DeleteCalibration);

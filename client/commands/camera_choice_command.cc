@@ -5,6 +5,8 @@
 #include <chrono>
 #include <optional>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
@@ -13,6 +15,7 @@
 #include "client/net/server_connection.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
+#include "client/tables/notable_cameras.h"
 #include "common/file/durable_file.h"
 #include "common/import/intrinsics_file.h"
 #include "common/status/status_macros.h"
@@ -34,14 +37,46 @@ std::string UseText(const v1::OfferedCamera& camera) {
 
 std::string OrDash(const std::string& text) { return text.empty() ? "-" : text; }
 
+// The rows of the table of cameras; of many those that need something.
+class OfferRows {
+ public:
+  explicit OfferRows(bool all) : all_(all) {}
+
+  void Add(bool needs_something, std::vector<TextTable::Cell> cells) {
+    rows_.emplace_back(needs_something, std::move(cells));
+  }
+  bool empty() const { return rows_.empty(); }
+  // The rows, with a line above them where some are left out.
+  std::string Format() const {
+    const auto needing = static_cast<size_t>(std::ranges::count_if(rows_, &Row::first));
+    const bool summarised = !all_ && rows_.size() > kFewCameras;
+    TextTable table;
+    table.Words({"agent", "device", "model", "address", "state", "camera", "lens"});
+    for (const auto& [needs_something, cells] : rows_) {
+      if (!summarised || needs_something) table.AddRow(cells);
+    }
+    if (!summarised) return table.Format();
+    return absl::StrCat(rows_.size() - needing, " of ", rows_.size(),
+                        " cameras take part with a lens; ",
+                        needing == 0 ? "no other needs something" : "listed are the others",
+                        ", with --all every one\n", table.empty() ? "" : table.Format());
+  }
+
+ private:
+  using Row = std::pair<bool, std::vector<TextTable::Cell>>;
+  const bool all_;
+  std::vector<Row> rows_;
+};
+
 // Cameras that an agent announces without offering them: recordings, others' kinds of source.
-void AddAnnounced(const v1::Agent& agent, TextTable* table) {
+void AddAnnounced(const v1::Agent& agent, OfferRows* rows) {
   std::set<std::string> offered;
   for (const v1::OfferedCamera& camera : agent.offered()) offered.insert(camera.camera());
   for (const v1::CameraDescription& camera : agent.cameras()) {
     if (offered.contains(camera.camera())) continue;
-    table->AddRow({agent.agent_id(), "-", OrDash(camera.source()), "-", "takes part (configured)",
-                   camera.camera(), camera.has_intrinsics() ? "yes" : "no"});
+    rows->Add(!camera.has_intrinsics(),
+              {agent.agent_id(), "-", OrDash(camera.source()), "-", "takes part (configured)",
+               camera.camera(), camera.has_intrinsics() ? "yes" : "no"});
   }
 }
 
@@ -51,9 +86,8 @@ bool HasLens(const v1::Agent& agent, const std::string& camera) {
   });
 }
 
-std::string FormatOffers(const v1::ListAgentsResponse& response) {
-  TextTable table;
-  table.Words({"agent", "device", "model", "address", "state", "camera", "lens"});
+std::string FormatOffers(const v1::ListAgentsResponse& response, bool all) {
+  OfferRows rows(all);
   std::string notes;
   std::string example;
   for (const v1::Agent& agent : response.agents()) {
@@ -64,8 +98,9 @@ std::string FormatOffers(const v1::ListAgentsResponse& response) {
           camera.vendor(), camera.vendor().empty() || camera.model().empty() ? "" : " ",
           camera.model());
       const std::string lens = !takes_part ? "-" : HasLens(agent, camera.camera()) ? "yes" : "no";
-      table.AddRow({agent.agent_id(), camera.device(), OrDash(model), OrDash(camera.address()),
-                    UseText(camera), OrDash(camera.camera()), lens});
+      rows.Add(lens != "yes" || !camera.note().empty(),
+               {agent.agent_id(), camera.device(), OrDash(model), OrDash(camera.address()),
+                UseText(camera), OrDash(camera.camera()), lens});
       if (!camera.note().empty()) {
         absl::StrAppend(&notes, agent.agent_id(), "/", camera.device(), ": ", camera.note(), "\n");
       }
@@ -74,9 +109,9 @@ std::string FormatOffers(const v1::ListAgentsResponse& response) {
         example = absl::StrCat(agent.agent_id(), "/", camera.device());
       }
     }
-    AddAnnounced(agent, &table);
+    AddAnnounced(agent, &rows);
   }
-  if (table.empty()) {
+  if (rows.empty()) {
     return "no connected agent has or sees a camera; rigcal agent list shows the agents, "
            "rigcal-agent cameras on a PC what is seen from there\n";
   }
@@ -84,7 +119,7 @@ std::string FormatOffers(const v1::ListAgentsResponse& response) {
     absl::StrAppend(&notes, "To use one: rigcal cameras use ", example,
                     " --name NAME --calibration LENS.yaml\n");
   }
-  return absl::StrCat(table.Format(), notes);
+  return absl::StrCat(rows.Format(), notes);
 }
 
 absl::StatusOr<v1::ListAgentsResponse> ReadAgents(ServerConnection& server,
@@ -129,8 +164,8 @@ absl::StatusOr<std::string> ReadLens(const CameraUseOptions& options) {
 ExitCode ListCameras(const CameraListOptions& options, CommandContext& context) {
   if (options.json) context.console.format = OutputFormat::kJson;
   ServerConnection server(context.server);
-  return context.Show(ReadAgents(server, options), [](const v1::ListAgentsResponse& agents) {
-    return Printable(FormatOffers(agents));
+  return context.Show(ReadAgents(server, options), [&](const v1::ListAgentsResponse& agents) {
+    return Printable(FormatOffers(agents, options.all));
   });
 }
 

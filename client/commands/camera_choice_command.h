@@ -12,6 +12,7 @@ struct CameraListOptions {
   std::string rig;       // empty: every rig
   std::string agent_id;  // empty: every agent
   bool json = false;     // whatever -o says
+  bool all = false;      // every camera, however many there are
 };
 
 // `rigcal cameras`: what each connected agent offers, and what takes part.

@@ -50,6 +50,8 @@ void AddCameraList(CLI::App* app, CameraListOptions* options) {
   AddOption(app, "--rig", "RIG", &options->rig, "Cameras of this rig only");
   AddOption(app, "--agent", "AGENT", &options->agent_id, "Cameras of this agent only");
   app->add_flag("--json", options->json, "The same as -o json");
+  app->add_flag("--all", options->all,
+                "Every camera; without it, of more than 16, those that need something");
 }
 
 void AddChoiceCommands(CommandParser& parser, CLI::App* cameras) {

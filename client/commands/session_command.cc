@@ -213,9 +213,10 @@ ExitCode ListSessions(const ListOptions& options, CommandContext& context) {
   return context.Show(ReadAllPages(server, &SessionStub::ListSessions, options), FormatSessionList);
 }
 
-ExitCode GetSession(const std::string& id, CommandContext& context) {
+ExitCode GetSession(const SessionGetOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
-  return context.Show(FetchSession(server, id), FormatSession);
+  return context.Show(FetchSession(server, options.id),
+                      options.all ? FormatWholeSession : FormatSession);
 }
 
 ExitCode VerifySessionStreams(const std::string& id, CommandContext& context) {

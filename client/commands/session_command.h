@@ -33,7 +33,11 @@ ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& cont
 ExitCode StartSession(const std::string& id, CommandContext& context);
 ExitCode StopSession(const SessionStopOptions& options, CommandContext& context);
 ExitCode ListSessions(const ListOptions& options, CommandContext& context);
-ExitCode GetSession(const std::string& id, CommandContext& context);
+struct SessionGetOptions {
+  std::string id;
+  bool all = false;  // every camera, however many there are
+};
+ExitCode GetSession(const SessionGetOptions& options, CommandContext& context);
 struct SessionDeleteOptions {
   std::string id;
   bool yes = false;  // without asking

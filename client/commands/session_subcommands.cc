@@ -139,14 +139,18 @@ void AddSessionCommands(CommandParser& parser) {
   auto [list, list_options] =
       parser.AddCommand(group, "list", "Sessions, newest first", ListSessions);
   AddListOptions(list, "state=STATE_FINISHED", "create_time or id", list_options);
-  AddIdCommand(parser, group, "get", "One session with its cameras and what was refused",
-               GetSession);
+  auto [get, shown] = parser.AddCommand(
+      group, "get", "One session with its cameras and what was refused", GetSession);
+  get->alias("show");
+  AddArgument(get, "SESSION", kSessionHelp, &shown->id);
+  get->add_flag("--all", shown->all,
+                "Every camera; without it those of a rig of more than 16 that need something");
   AddIdCommand(parser, group, "verify",
                "Prove that everything detected is on the server and can be read, or was counted as "
                "dropped; else say which rows are where (exit code 5)",
                VerifySessionStreams);
-  auto [remove, removed] = parser.AddCommand(
-      group, "delete", "Remove a session and its observations", DeleteSession);
+  auto [remove, removed] =
+      parser.AddCommand(group, "delete", "Remove a session and its observations", DeleteSession);
   AddArgument(remove, "SESSION", kSessionHelp, &removed->id);
   AddYesOption(remove, &removed->yes);
   AddDiscard(parser, group);

@@ -13,6 +13,7 @@
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 #include "client/tables/frame_table.h"
+#include "client/tables/notable_cameras.h"
 #include "client/tables/rig_table.h"
 #include "client/tables/session_table.h"
 #include "common/geometry/rigid_transform.h"
@@ -376,6 +377,22 @@ std::string StateWords(const v1::Calibration& calibration) {
                       calibration.progress().not_responding() ? ", not responding" : "");
 }
 
+// `summary`: of the cameras, a line; empty: none.
+std::string FormatCalibrationWith(const v1::Calibration& calibration, const std::string& summary) {
+  std::string text = FormatHead(calibration) + FormatDerivation(calibration);
+  if (calibration.state() == v1::Calibration::STATE_FAILED) {
+    absl::StrAppend(&text, "error        ", Printable(calibration.error()), "\n");
+  } else if (calibration.state() == v1::Calibration::STATE_RUNNING) {
+    absl::StrAppend(&text, FormatCalibrationProgress(calibration), "\n");
+  } else if (calibration.state() == v1::Calibration::STATE_SUCCEEDED) {
+    absl::StrAppend(&text, FormatHeadline(calibration), summary, FormatResult(calibration));
+  }
+  if (const double solve_s = wire::SecondsOf(calibration.run().solve_duration()); solve_s > 0) {
+    absl::StrAppend(&text, "time taken         ", FormatDuration(solve_s), "\n");
+  }
+  return text + FormatRefusals("Left out", calibration.refused()) + FormatFindings(calibration);
+}
+
 }  // namespace
 
 std::string FormatHeadlineFigures(const v1::Calibration& calibration) {
@@ -442,18 +459,13 @@ std::string FormatCalibrationList(const v1::ListCalibrationsResponse& response) 
 }
 
 std::string FormatCalibration(const v1::Calibration& calibration) {
-  std::string text = FormatHead(calibration) + FormatDerivation(calibration);
-  if (calibration.state() == v1::Calibration::STATE_FAILED) {
-    absl::StrAppend(&text, "error        ", Printable(calibration.error()), "\n");
-  } else if (calibration.state() == v1::Calibration::STATE_RUNNING) {
-    absl::StrAppend(&text, FormatCalibrationProgress(calibration), "\n");
-  } else if (calibration.state() == v1::Calibration::STATE_SUCCEEDED) {
-    absl::StrAppend(&text, FormatHeadline(calibration), FormatResult(calibration));
-  }
-  if (const double solve_s = wire::SecondsOf(calibration.run().solve_duration()); solve_s > 0) {
-    absl::StrAppend(&text, "time taken         ", FormatDuration(solve_s), "\n");
-  }
-  return text + FormatRefusals("Left out", calibration.refused()) + FormatFindings(calibration);
+  v1::Calibration notable = calibration;
+  const std::string summary = KeepNotableCameras(&notable);
+  return FormatCalibrationWith(notable, summary);
+}
+
+std::string FormatWholeCalibration(const v1::Calibration& calibration) {
+  return FormatCalibrationWith(calibration, "");
 }
 
 }  // namespace rigcal::client

@@ -11,6 +11,7 @@
 #include "client/output/console.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
+#include "client/tables/notable_cameras.h"
 #include "common/target/target.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/time_wire.h"
@@ -69,32 +70,8 @@ std::string LostText(const v1::FrameCounts& frames) {
   return absl::StrCat(" (", lost, " of ", lost + frames.received(), " pictures lost)");
 }
 
-}  // namespace
-
-std::string FormatSessionList(const v1::ListSessionsResponse& response) {
-  if (response.sessions().empty()) return "no sessions\n";
-  TextTable table;
-  table.Words({"session", "rig", "state"})
-      .Numbers({"cameras", "observations", "with wand"})
-      .Words({"created", "title"});
-  for (const v1::Session& session : response.sessions()) {
-    table.AddRow(
-        {session.id(), session.rig(),
-         session.has_discard_time() ? "thrown away" : EnumWord(session.state()),
-         std::max<uint32_t>(session.camera_count(), static_cast<uint32_t>(session.cameras_size())),
-         session.observation_count(), session.wand_count(),
-         FormatTime(session.has_create_time(), session.create_time()), session.title()});
-  }
-  std::string text = table.Format();
-  for (const v1::Session& session : response.sessions()) {
-    if (!session.damage().empty()) {
-      absl::StrAppend(&text, "damaged  ", Printable(session.damage()), "\n");
-    }
-  }
-  return text;
-}
-
-std::string FormatSession(const v1::Session& session) {
+// `summary`: of the cameras, a line; empty: none.
+std::string FormatSessionWith(const v1::Session& session, const std::string& summary) {
   std::string text = absl::StrCat("session  ", session.id(), " (rig ", session.rig(),
                                   "): ", EnumWord(session.state()), "\n");
   if (!session.title().empty()) absl::StrAppend(&text, "title    ", session.title(), "\n");
@@ -136,7 +113,7 @@ std::string FormatSession(const v1::Session& session) {
   if (session.cameras().empty()) {
     text += "\nno cameras yet; the list is fixed when the session starts\n";
   } else {
-    text += "\n" + FormatCameras(session) + FormatFrames(session);
+    text += "\n" + summary + FormatCameras(session) + FormatFrames(session);
   }
 
   google::protobuf::RepeatedPtrField<v1::RefusalCount> refused;
@@ -149,7 +126,49 @@ std::string FormatSession(const v1::Session& session) {
   return text + FormatRefusals("Refused", refused);
 }
 
+}  // namespace
+
+std::string FormatSessionList(const v1::ListSessionsResponse& response) {
+  if (response.sessions().empty()) return "no sessions\n";
+  TextTable table;
+  table.Words({"session", "rig", "state"})
+      .Numbers({"cameras", "observations", "with wand"})
+      .Words({"created", "title"});
+  for (const v1::Session& session : response.sessions()) {
+    table.AddRow(
+        {session.id(), session.rig(),
+         session.has_discard_time() ? "thrown away" : EnumWord(session.state()),
+         std::max<uint32_t>(session.camera_count(), static_cast<uint32_t>(session.cameras_size())),
+         session.observation_count(), session.wand_count(),
+         FormatTime(session.has_create_time(), session.create_time()), session.title()});
+  }
+  std::string text = table.Format();
+  for (const v1::Session& session : response.sessions()) {
+    if (!session.damage().empty()) {
+      absl::StrAppend(&text, "damaged  ", Printable(session.damage()), "\n");
+    }
+  }
+  return text;
+}
+
+std::string FormatSession(const v1::Session& session) {
+  v1::Session notable = session;
+  const std::string summary = KeepNotableCameras(&notable);
+  return FormatSessionWith(notable, summary);
+}
+
+std::string FormatWholeSession(const v1::Session& session) {
+  return FormatSessionWith(session, "");
+}
+
 std::string FormatSessionLine(const v1::Session& session) {
+  if (static_cast<size_t>(session.cameras_size()) > kFewCameras) {
+    const auto complete = std::ranges::count_if(session.cameras(), &v1::SessionCamera::ended);
+    return Printable(absl::StrCat(
+        EnumWord(session.state()), ": ", FormatCount(session.observation_count(), "observation"),
+        " of ", session.cameras_size(), " cameras, ", complete, " complete; ",
+        NeedsSummary(static_cast<size_t>(session.cameras_size()), CamerasInNeed(session))));
+  }
   std::vector<std::string> cameras;
   for (const v1::SessionCamera& camera : session.cameras()) {
     cameras.push_back(absl::StrCat(

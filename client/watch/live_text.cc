@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -12,6 +13,7 @@
 #include "client/output/console.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
+#include "client/tables/notable_cameras.h"
 
 namespace rigcal::client {
 namespace {
@@ -21,6 +23,8 @@ using google::protobuf::util::TimeUtil;
 // Data that are older than this are said to be.
 constexpr double kOldS = 2;
 constexpr size_t kBarCells = 10;
+// Of a large rig so many alerts have a line each, so that some cameras stay on the screen.
+constexpr int kMostAlerts = 6;
 constexpr char kRed[] = "\x1b[1;31m";
 constexpr char kYellow[] = "\x1b[33m";
 constexpr char kBold[] = "\x1b[1m";
@@ -134,6 +138,42 @@ std::string AlertKindOf(const v1::LiveState& live, const std::string& camera) {
   return "";
 }
 
+// Those that a person must do something about.
+std::vector<std::string> LiveCamerasInNeed(const v1::LiveState& live) {
+  std::set<std::string> named;
+  for (const v1::LiveAlert& alert : live.alerts().alerts()) {
+    if (alert.severity() >= v1::LiveAlert::SEVERITY_WARNING) named.insert(alert.camera());
+  }
+  std::vector<std::string> names;
+  for (const v1::LiveCamera& camera : live.cameras()) {
+    if (named.contains(camera.camera()) || camera.dropped_count() > 0 ||
+        camera.state() == v1::LiveCamera::STATE_OFFLINE) {
+      names.push_back(camera.camera());
+    }
+  }
+  return names;
+}
+
+bool IsLarge(const v1::LiveState& live) {
+  return static_cast<size_t>(live.cameras_size()) > kFewCameras;
+}
+
+// As they are shown: of a large rig those that need something first, then those that have seen
+// least together with others.
+std::vector<const v1::LiveCamera*> CamerasInOrder(const v1::LiveState& live, bool all) {
+  std::vector<const v1::LiveCamera*> cameras;
+  for (const v1::LiveCamera& camera : live.cameras()) cameras.push_back(&camera);
+  if (all || !IsLarge(live)) return cameras;
+  const std::vector<std::string> needing = LiveCamerasInNeed(live);
+  const std::set<std::string> first(needing.begin(), needing.end());
+  std::ranges::stable_sort(cameras, {}, [&](const v1::LiveCamera* camera) {
+    const uint32_t goal = camera->shared_instant_goal();
+    const double share = goal == 0 ? 1 : std::min(1.0, 1.0 * camera->shared_instant_count() / goal);
+    return std::pair(!first.contains(camera->camera()), share);
+  });
+  return cameras;
+}
+
 // How many cameras are where the active calibration has them; "" without a monitor.
 std::string MonitorText(const v1::LiveMonitor& monitor) {
   if (monitor.mode() != v1::MONITOR_MODE_WATCH && monitor.mode() != v1::MONITOR_MODE_REPAIR) {
@@ -192,14 +232,15 @@ class Screen {
   std::vector<std::string> lines_;
 };
 
-void AddTable(const v1::LiveState& live, Screen* screen) {
+void AddTable(const v1::LiveState& live, bool all, Screen* screen) {
   TextTable table;
   table.Words({"camera", "state"})
       .Numbers({"rows/s", "wand/s"})
       .Words({"coverage"})
       .Numbers({"shared", "error px", "waiting", "lost"})
       .Words({"clock", "alert"});
-  for (const v1::LiveCamera& camera : live.cameras()) {
+  for (const v1::LiveCamera* const one : CamerasInOrder(live, all)) {
+    const v1::LiveCamera& camera = *one;
     table.AddRow(
         {camera.camera(), EnumWord(camera.state()), FormatFixed(camera.observation_rate_hz(), 0),
          FormatFixed(camera.wand_rate_hz(), 0),
@@ -245,7 +286,12 @@ std::vector<std::string> FormatLiveScreen(const v1::LiveState& live,
   }
   screen.Add("");
   // Alerts come before the table: with many cameras the end is cut off.
+  int alerts = 0;
   for (const v1::LiveAlert& alert : live.alerts().alerts()) {
+    if (IsLarge(live) && !options.all && ++alerts > kMostAlerts) {
+      screen.Add(absl::StrCat("and ", live.alerts().alerts_size() - kMostAlerts, " more alerts"));
+      break;
+    }
     const bool error = alert.severity() == v1::LiveAlert::SEVERITY_ERROR;
     const bool warning = alert.severity() == v1::LiveAlert::SEVERITY_WARNING;
     screen.Add(absl::StrCat(error     ? "ERROR "
@@ -259,7 +305,10 @@ std::vector<std::string> FormatLiveScreen(const v1::LiveState& live,
   if (const std::string worst = WorstText(live); !worst.empty()) {
     screen.Add(absl::StrCat("worst camera: ", worst));
   }
-  AddTable(live, &screen);
+  if (IsLarge(live)) {
+    screen.Add(NeedsSummary(static_cast<size_t>(live.cameras_size()), LiveCamerasInNeed(live)));
+  }
+  AddTable(live, options.all, &screen);
   screen.Add("");
   const char* const keys = HasFinished(live) ? "q: leave" : "s: stop the session   q: leave";
   screen.Add(options.message.empty() ? keys : options.message);
@@ -299,7 +348,13 @@ std::string FormatLiveLine(const v1::LiveState& live) {
   if (const std::string monitor = MonitorText(live.monitor()); !monitor.empty()) {
     absl::StrAppend(&line, "; monitor: ", monitor);
   }
+  if (IsLarge(live)) {
+    absl::StrAppend(
+        &line, "; ",
+        NeedsSummary(static_cast<size_t>(live.cameras_size()), LiveCamerasInNeed(live)));
+  }
   for (const v1::LiveAlert& alert : live.alerts().alerts()) {
+    if (IsLarge(live) && !alert.camera().empty()) continue;
     absl::StrAppend(&line, "; ", EnumWord(alert.severity()), " ", alert.kind(),
                     alert.camera().empty() ? "" : " ", alert.camera());
   }

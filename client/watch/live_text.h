@@ -15,6 +15,7 @@ struct LiveScreenOptions {
   size_t columns = 80;
   size_t rows = 24;
   bool colour = false;
+  bool all = false;  // cameras by name and all alerts, however many there are
   std::string server = {};
   double age_s = 0;          // since the server last answered
   std::string problem = {};  // why it does not; empty: it does

@@ -91,7 +91,8 @@ std::string StopLiveSession(const v1::LiveState& live, ServerConnection& server)
   return absl::StrCat("session ", session.id(), " had been stopped already, at ", when);
 }
 
-ExitCode WatchOnTerminal(Follower* follower, ServerConnection& server, CommandContext& context) {
+ExitCode WatchOnTerminal(Follower* follower, bool all, ServerConnection& server,
+                         CommandContext& context) {
   const bool colour = Terminal::HasColour();
   std::string message;
   std::string result;  // of the last stop; also said when the screen is gone
@@ -106,6 +107,7 @@ ExitCode WatchOnTerminal(Follower* follower, ServerConnection& server, CommandCo
       terminal.Show(FormatLiveScreen(follower->state(), {.columns = terminal.columns(),
                                                          .rows = terminal.rows(),
                                                          .colour = colour,
+                                                         .all = all,
                                                          .server = context.server,
                                                          .age_s = follower->age_s(),
                                                          .problem = follower->problem(),
@@ -168,20 +170,25 @@ ExitCode WatchLive(const WatchOptions& asked, CommandContext& context) {
   // Before the screen is taken, so that a wrong address is said as by any other command.
   if (const absl::Status status = follower.Poll(); !status.ok()) return context.Fail(status);
   if (context.console.format == OutputFormat::kTable && Terminal::IsThere()) {
-    return WatchOnTerminal(&follower, server, context);
+    return WatchOnTerminal(&follower, options.all, server, context);
   }
   return WatchAsLines(&follower, context);
 }
 
 void AddWatchCommand(CommandParser& parser) {
-  auto [app, options] = parser.AddCommand(
-      nullptr, "watch",
-      "The rig while you wave: expected error in mm, cameras, advice, alerts (keys s, then y: stop the "
-      "session, q: leave); without a terminal a line each second",
-      WatchLive);
+  auto [app, options] =
+      parser.AddCommand(nullptr, "watch",
+                        "The rig while you wave: expected error in mm, cameras, advice, alerts "
+                        "(keys s, then y: stop the "
+                        "session, q: leave); without a terminal a line each second",
+                        WatchLive);
   AddOption(app, "--rig", "RIG", &options->rig, "Rig to watch; without it \"rig\"");
   AddOption(app, "--session", "SESSION", &options->session,
             "Watch the rig of this session, without a terminal until it has finished");
+  app->add_flag(
+      "--all", options->all,
+      "Cameras by name and all alerts; without it, of more than 16 cameras, those first that "
+      "need something");
 }
 
 }  // namespace rigcal::client

@@ -9,6 +9,7 @@
 namespace rigcal::client {
 
 struct WatchOptions {
+  bool all = false;     // as LiveScreenOptions
   std::string rig;      // empty: "rig"
   std::string session;  // empty: none in particular; else its rig, until it has finished
 };

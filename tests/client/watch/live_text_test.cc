@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "client/output/text_table.h"
 
@@ -161,6 +162,43 @@ TEST(LiveText, SaysWhatTheMonitorHasFound) {
       "monitor: 2 of 4 cameras where c-000001 has them, moved: b, cannot tell: d";
   EXPECT_THAT(FormatLiveLine(live), HasSubstr(text));
   EXPECT_THAT(Text(live, {.columns = 200, .rows = 30}), HasSubstr(text));
+}
+
+// Of a large rig what needs something is first, and few alerts take lines from the cameras.
+TEST(FormatLiveScreen, ManyCamerasThatNeedSomethingAreFirst) {
+  v1::LiveState live = Wave();
+  const v1::LiveCamera sample = live.cameras(0);
+  live.clear_cameras();
+  live.mutable_alerts()->clear_alerts();
+  for (int i = 0; i < 500; ++i) {
+    v1::LiveCamera* camera = live.add_cameras();
+    *camera = sample;
+    camera->set_camera(absl::StrCat("cam_", i, "_"));
+  }
+  for (int i = 480; i < 490; ++i) {
+    v1::LiveAlert* alert = live.mutable_alerts()->add_alerts();
+    alert->set_kind("no_wand");
+    alert->set_severity(v1::LiveAlert::SEVERITY_ERROR);
+    alert->set_camera(absl::StrCat("cam_", i, "_"));
+    alert->set_text(absl::StrCat("cam_", i, "_ has not seen the wand"));
+  }
+  live.mutable_cameras(470)->set_dropped_count(3);
+  live.mutable_cameras(471)->set_state(v1::LiveCamera::STATE_OFFLINE);
+  live.mutable_cameras(33)->set_shared_instant_count(1);
+  const auto text = [&](bool all) {
+    return absl::StrJoin(FormatLiveScreen(live, {.columns = 120, .rows = 40, .all = all}), "\n");
+  };
+  EXPECT_THAT(text(false), HasSubstr("488 good, 12 need something: cam_470_, cam_471_, cam_480_"));
+  EXPECT_THAT(text(false), HasSubstr("and 4 more alerts"));
+  EXPECT_THAT(text(false), HasSubstr("\ncam_489_ "));
+  EXPECT_LT(text(false).find("\ncam_489_ "), text(false).find("\ncam_33_ "));
+  EXPECT_LT(text(false).find("\ncam_33_ "), text(false).find("\ncam_0_ "));
+  EXPECT_THAT(text(true), HasSubstr("cam_489_ has not seen the wand"));
+  EXPECT_THAT(text(true), HasSubstr("\ncam_0_ "));
+  EXPECT_THAT(text(true), Not(HasSubstr("\ncam_470_ ")));
+  const std::string line = FormatLiveLine(live);
+  EXPECT_THAT(line, HasSubstr("488 good, 12 need something"));
+  EXPECT_THAT(line, Not(HasSubstr("cam_489_")));
 }
 
 }  // namespace

@@ -11,10 +11,10 @@ namespace rigcal {
 
 // Upper limits of one server.
 struct ServerLimits {
-  uint32_t max_agents = 256;  // connected at a time
+  uint32_t max_agents = 1'024;  // connected at a time
   uint32_t max_cameras_per_agent = 64;
   uint32_t max_sessions = 10'000;  // kept, finished ones included
-  uint32_t max_cameras_per_session = 256;
+  uint32_t max_cameras_per_session = 512;
   uint32_t max_watches = 64;  // clients that watch sessions; calibrations the same
   uint32_t max_readers = 16;  // clients that read observations
   uint32_t max_queued_calibrations = 32;
@@ -24,7 +24,7 @@ struct ServerLimits {
   uint32_t ingest_queue_mb = 64;        // MiB of deliveries that wait for the disk
   uint32_t send_window_rows = 32'768;   // unacknowledged, per camera
   uint32_t rpc_memory_mb = 512;         // MiB for messages and connections
-  uint32_t max_connections = 1'024;     // open at a time
+  uint32_t max_connections = 2'048;     // open at a time
   uint32_t max_connections_per_address = 256;  // of them
   uint32_t disk_reserve_mb = 256;  // MiB free on the disk at which observations are refused
 

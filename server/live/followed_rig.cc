@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/statistics/robust_statistics.h"
+#include "server/live/live_limits.h"
 
 namespace rigcal::server {
 namespace {
@@ -263,6 +264,7 @@ LiveCamera FollowedRig::DescribeCamera(const std::string& name, Time now) const 
 }
 
 LiveOverlap FollowedRig::DescribeOverlap() const {
+  if (order_.size() > kMaxCamerasInOverlap) return {};
   LiveOverlap described{.cameras = order_};
   std::vector<double> spacings_s;
   for (const std::string& name : order_) spacings_s.push_back(activities_.at(name).SpacingS());

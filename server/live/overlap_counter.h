@@ -14,11 +14,11 @@ namespace rigcal::server {
 // last `step_count` steps any order of arrival gives the same counts; what is older is not counted.
 class OverlapCounter {
  public:
-  static constexpr size_t kMaxCameras = 256;
+  static constexpr size_t kMaxCameras = 512;
   static constexpr int64_t kStepNs = 20'000'000;
   static constexpr size_t kDefaultSteps = 2048;  // 40 s
 
-  // At most kMaxCameras; `step_count` above 0, of 40 bytes each.
+  // At most kMaxCameras; `step_count` above 0, of 72 bytes each.
   explicit OverlapCounter(size_t camera_count, size_t step_count = kDefaultSteps);
 
   // The camera has seen the wand from `begin_ns` to `end_ns`, common time.

@@ -98,7 +98,9 @@ void RigState::UpdateCameras(const FollowedRig& rig) {
     if (names.size() < OverlapCounter::kMaxCameras) names.insert(name);
   }
   for (const std::string& name : names) {
-    Revise(rig.DescribeCamera(name, now_), &state_.cameras[name]);
+    LiveCamera camera = rig.DescribeCamera(name, now_);
+    if (names.size() > kMaxCamerasWithTrails) camera.trail.clear();
+    Revise(std::move(camera), &state_.cameras[name]);
   }
   for (auto camera = state_.cameras.begin(); camera != state_.cameras.end();) {
     if (names.contains(camera->first)) {

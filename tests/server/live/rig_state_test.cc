@@ -82,6 +82,41 @@ TEST_F(RigStateTest, TellsEverythingAnewRatherThanManyThatWent) {
   EXPECT_GT(state_.snapshot().full_since, 0u);
 }
 
+// Of hundreds of cameras an answer stays as small as it is useful.
+TEST_F(RigStateTest, ManyCamerasHaveNeitherTrailsNorAMatrix) {
+  for (const size_t count : {64u, 65u, 256u, 257u, 500u}) {
+    Session session;
+    session.id = absl::StrCat("wave", count);
+    session.state = SessionState::kCapturing;
+    session.target.marker_positions_m = {0, 0.13, 0.39};
+    for (size_t i = 0; i < count; ++i) {
+      SessionCamera camera;
+      camera.description.camera = absl::StrCat("camera", i);
+      camera.description.clock.clock_id = camera.description.camera;
+      camera.description.image_size_px = {640, 480};
+      session.cameras.push_back(camera);
+    }
+    rig_.Follow(session, now_);
+    server::Arrivals arrivals;
+    arrivals.last_time = now_;
+    arrivals.has_rows = true;
+    arrivals.stored_count = arrivals.wand_count = 1;
+    server::ThinnedRow row;
+    row.marker_count = 3;
+    row.visible_mask = 7;
+    row.x_px = {100, 150, 250};
+    row.y_px = {50, 60, 80};
+    arrivals.rows = {row};
+    rig_.AddArrivals({session.id, "camera7", 1}, arrivals, now_, 1'800'000'000'000'000'000);
+    state_.Reset();
+    const auto state = Update(count);
+    ASSERT_NE(state, nullptr);
+    EXPECT_EQ(state->cameras.size(), count);
+    EXPECT_EQ(state->cameras.at("camera7").value->trail.size(), count > 64 ? 0u : 1u) << count;
+    EXPECT_EQ(state->overlap.value->counts.size(), count > 256 ? 0 : count * (count - 1) / 2);
+  }
+}
+
 TEST_F(RigStateTest, BeginsAnewWithAnotherSession) {
   Session session;
   session.id = "wave";

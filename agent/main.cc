@@ -72,6 +72,7 @@ struct Flags {
   std::string agent_id;
   std::string state_dir;
   std::string spool;
+  std::string durable_on;
   std::string log_level;
   std::string log_format;
   std::string offer_simulated;
@@ -89,6 +90,10 @@ void AddFlags(CLI::App& app, Flags& flags) {
                  "Name of this agent [the host's name; kept in the state directory]");
   app.add_option("--state-dir", flags.state_dir,
                  "Folder of this agent alone [~/.local/state/rigcal/agent/AGENT_ID]");
+  app.add_option("--durable-on", flags.durable_on,
+                 "Who must have observations on its disk before this agent forgets them: server, "
+                 "or the server's standby (default server)")
+      ->check(CLI::IsMember({"server", "standby"}));
   app.add_option("--spool", flags.spool,
                  "Where observations wait for the server: disk or memory [disk]")
       ->check(CLI::IsMember({"disk", "memory"}));
@@ -132,6 +137,8 @@ absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
   if (!flags.state_dir.empty()) config.state_dir = flags.state_dir;
   if (flags.spool == "disk") config.spool.kind = SpoolConfig::Kind::kDisk;
   if (flags.spool == "memory") config.spool.kind = SpoolConfig::Kind::kMemory;
+  if (flags.durable_on == "server") config.spool.durable_on = SpoolConfig::DurableOn::kServer;
+  if (flags.durable_on == "standby") config.spool.durable_on = SpoolConfig::DurableOn::kStandby;
   if (!flags.log_level.empty()) config.log_level = flags.log_level;
   if (!flags.log_format.empty()) config.log_format = flags.log_format;
   RIGCAL_RETURN_IF_ERROR(config.Validate());
@@ -304,6 +311,8 @@ absl::StatusOr<int> RunAgent(const Flags& flags, sigset_t signals) {
   options.host = HostName();
   options.secret = identity.secret;
   options.rig = config.rig;
+  options.keeps_until_standby = config.spool.durable_on == SpoolConfig::DurableOn::kStandby;
+  options.known_servers_file = std::filesystem::path(config.state_dir) / "server.generation";
   options.previews.enabled = config.preview.enabled;
   options.previews.max_rate_hz = config.preview.max_rate_hz;
   options.previews.max_jpeg_bytes = static_cast<size_t>(config.preview.max_kb) << 10;

@@ -18,6 +18,7 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
@@ -46,11 +47,16 @@
 #include "server/live/live_tracker.h"
 #include "server/metrics/metrics.h"
 #include "server/monitor/rig_monitor.h"
+#include "server/replica/data_role.h"
+#include "server/replica/standby_book.h"
 #include "server/rpc/api_description.h"
 #include "server/rpc/rpc_server.h"
 #include "server/session/agent_registry.h"
 #include "server/session/monitor_settings.h"
 #include "server/session/utc_clock.h"
+#include "server/standby/old_primary.h"
+#include "server/standby/promote_command.h"
+#include "server/standby/standby.h"
 #include "server/store/factory/open_store.h"
 #include "server/store/server_roster.h"
 #include "server/store/data_directory.h"
@@ -73,6 +79,7 @@ struct Flags {
   bool store_unsafe = false;
   bool no_solve = false;
   std::string docs_dir;
+  std::string follow;
   std::string log_level;
   std::string log_format;
 };
@@ -91,8 +98,21 @@ absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
   if (flags.store_unsafe) config.store_unsafe = true;
   if (flags.no_solve) config.solve.local = false;
   if (!flags.docs_dir.empty()) config.docs_dir = flags.docs_dir;
+  if (!flags.follow.empty()) config.follow = flags.follow;
   if (config.data_dir.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(config.data_dir, DefaultDataDirectory());
+  }
+  if (!config.follow.empty()) {
+    config.follow = WithPort(config.follow, kUsualPort);
+    const absl::Status address = ParseHostPort(config.follow).status();
+    if (!address.ok()) {
+      return absl::InvalidArgumentError(absl::StrCat("--follow: ", std::string(address.message())));
+    }
+    if (!config.store.empty()) {
+      return absl::InvalidArgumentError(
+          "--follow and --store do not go together: a standby has its database in its data folder; "
+          "with PostgreSQL start the second server on the same database");
+    }
   }
   return config;
 }
@@ -271,6 +291,31 @@ absl::StatusOr<std::unique_ptr<DataDirectory>> OpenFolderBeside(const ServerConf
   return DataDirectory::Open(config.data_dir);
 }
 
+// Another server has taken over: this one ends as on SIGTERM, and says so from then on.
+void EndAsSuperseded(const std::filesystem::path& data_dir, uint64_t generation,
+                     const std::string& by) {
+  const DataRole role{
+      .role = RoleOfData::kSuperseded, .generation = generation, .superseded_by = by};
+  const absl::Status written = WriteDataRole(data_dir, role);
+  spdlog::error("{}; nothing is accepted any more", WhyNotToServe(role));
+  if (!written.ok()) {
+    spdlog::error("after a restart it would serve again: {}", std::string(written.message()));
+  }
+  kill(getpid(), SIGTERM);
+}
+
+int PortOf(const std::string& listen) {
+  int port = 0;
+  return absl::SimpleAtoi(listen.substr(listen.rfind(':') + 1), &port) ? port : 0;
+}
+
+// For messages of other servers: "pc-2:7420".
+std::string OwnName(int port) {
+  std::array<char, 256> host{};
+  gethostname(host.data(), host.size() - 1);
+  return absl::StrCat(host.data(), ":", port);
+}
+
 // HOST:PORT where others reach a port that listens on `listen`.
 std::string AddressForOthers(const std::string& listen, int port) {
   std::string host;
@@ -406,6 +451,11 @@ absl::StatusOr<End> Serve(ServerConfig& config, const Flags& flags) {
   RIGCAL_ASSIGN_OR_RETURN(const auto registry,
                           AgentRegistry::Open({.file = data_dir / "agents.json"}));
   RIGCAL_ASSIGN_OR_RETURN(const auto monitors, MonitorSettings::Open(data_dir / "monitors.json"));
+  RIGCAL_ASSIGN_OR_RETURN(const DataRole role, ReadDataRole(data_dir));
+  StandbyBook standbys(&store->changes());
+  standbys.OnSuperseded([&](uint64_t generation, const std::string& by) {
+    EndAsSuperseded(data_dir, generation, by);
+  });
   AgentDirectory directory({.max_connected_agents = limits.max_agents,
                             .max_cameras_per_agent = limits.max_cameras_per_agent});
   RIGCAL_ASSIGN_OR_RETURN(
@@ -500,7 +550,9 @@ absl::StatusOr<End> Serve(ServerConfig& config, const Flags& flags) {
                                          .retention = &retention,
                                          .live = &live,
                                          .monitors = monitors.get(),
-                                         .roster = roster});
+                                         .roster = roster,
+                                         .standbys = &standbys,
+                                         .data_dir = data_dir});
 
   coordinator->Start();
   live.Start();
@@ -544,6 +596,11 @@ absl::StatusOr<End> Serve(ServerConfig& config, const Flags& flags) {
     RIGCAL_RETURN_IF_ERROR(neighbours.files->Publish());
     RIGCAL_RETURN_IF_ERROR(roster->Describe(OwnEntry(config, port, web.get())));
   }
+  std::unique_ptr<OldPrimary> old_primary;
+  if (role.role == RoleOfData::kPromoted) {
+    old_primary = std::make_unique<OldPrimary>(role.primary, store->server_id(), role.generation,
+                                               OwnName(port));
+  }
 
   TellReady(
       absl::StrCat("accepts calls at port ", port, ", the dashboard is at ", web->LocalUrl()));
@@ -571,6 +628,7 @@ absl::StatusOr<End> Serve(ServerConfig& config, const Flags& flags) {
   }
   announcement.reset();
   if (roster != nullptr) neighbours.files->Stop();
+  old_primary.reset();
   // In the order of the data flow: nothing more arrives, deliveries are written, then the rest.
   web->Shutdown();
   rpc.Shutdown(std::chrono::seconds(2));
@@ -593,6 +651,57 @@ absl::Status ServeInTurns(ServerConfig config, const Flags& flags) {
     // Another one was the first to take over.
     const bool waits_again = end.ok() || (absl::IsAborted(end.status()) && !config.store.empty());
     if (!waits_again) return end.status();
+  }
+}
+
+StandbyServerOptions StandbyPorts(const ServerConfig& config,
+                                  const std::filesystem::path& identity) {
+  return {.endpoint = RpcOptions(config, identity).endpoint};
+}
+
+// As what the data folder says that it is: a server, a standby, or one that was replaced.
+absl::Status ServeInRole(const ServerConfig& config, const Flags& flags) {
+  sigset_t wake;
+  sigemptyset(&wake);
+  sigaddset(&wake, SIGRTMIN);
+  pthread_sigmask(SIG_BLOCK, &wake, nullptr);
+  BlockSignals(!flags.config_file.empty());
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const DataRole role, ReadDataRole(config.data_dir));
+    if (role.role == RoleOfData::kPromoted && !config.follow.empty()) {
+      spdlog::warn(
+          "this server has taken over from {} and serves; --follow {} has no effect any "
+          "more, remove it",
+          role.primary, config.follow);
+    } else if (!config.follow.empty()) {
+      RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path identity, PrepareIdentity(config));
+      RIGCAL_ASSIGN_OR_RETURN(
+          const StandbyEnd end,
+          RunStandby({.primary = config.follow,
+                      .data_dir = config.data_dir,
+                      .store = {.min_free_bytes = uint64_t{config.limits.disk_reserve_mb} << 20},
+                      .server = StandbyPorts(config, identity),
+                      .port_file = flags.port_file,
+                      .own_name = OwnName(PortOf(config.listen))}));
+      if (end == StandbyEnd::kStopped) return absl::OkStatus();
+      continue;
+    }
+    if (role.role == RoleOfData::kStandby) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          config.data_dir, " is the data folder of a standby of ", role.primary,
+          ": start it with --follow ", role.primary, ", or make it take over: rigcal-server ",
+          "promote --data-dir ", config.data_dir));
+    }
+    if (role.role == RoleOfData::kSuperseded) {
+      RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path identity, PrepareIdentity(config));
+      StandbyServerOptions options = StandbyPorts(config, identity);
+      options.active_server = role.superseded_by;
+      options.reason = WhyNotToServe(role);
+      return RunRefusing(std::move(options), config.data_dir, flags.port_file);
+    }
+    RIGCAL_RETURN_IF_ERROR(ServeInTurns(config, flags));
+    RIGCAL_ASSIGN_OR_RETURN(const DataRole now, ReadDataRole(config.data_dir));
+    if (now.role != RoleOfData::kSuperseded) return absl::OkStatus();
   }
 }
 
@@ -638,6 +747,10 @@ int Run(int argc, char** argv) {
          "Folder of the documentation, shown at /docs/ beside the dashboard (default: where "
          "the package rigcal-doc has it)")
       ->type_name("DIR");
+  app.add_option("--follow", flags.follow,
+                 "Be a standby of the server there: copy its data, and take over when asked to "
+                 "(promote)")
+      ->type_name("HOST:PORT");
   app.add_option("--port-file", flags.port_file,
                  "File for the port number, written once the server accepts calls")
       ->type_name("FILE");
@@ -651,6 +764,7 @@ int Run(int argc, char** argv) {
                  "journal), or auto: journal under systemd, else text (default auto)")
       ->check(CLI::IsMember({"auto", "text", "json", "journal"}));
   CareCommands care(&app);
+  const PromoteCommand promote(&app);
   AddVersionFlags(app, std::string(wire::kSoftwareVersion));
   const auto task = ParseCommandLine(app, argc, argv, std::cout);
   if (!task.ok()) return Refuse(task.status(), kUsageExitCode);
@@ -676,8 +790,9 @@ int Run(int argc, char** argv) {
   } else {
     status = SetLogLevel(config->log_level);
     if (status.ok() && care.chosen()) return care.Run(config->data_dir, config->store);
+    if (status.ok() && promote.chosen()) return promote.Run(config->data_dir);
     if (status.ok()) status = SetLogFormat(config->log_format);
-    if (status.ok()) status = ServeInTurns(*config, flags);
+    if (status.ok()) status = ServeInRole(*config, flags);
   }
   return status.ok() ? 0 : Refuse(status, 1);
 }

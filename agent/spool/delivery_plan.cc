@@ -18,6 +18,7 @@ void DeliveryPlan::BeginConnection(size_t max_batch_rows) {
   max_batch_rows_ = std::max<size_t>(1, max_batch_rows);
   progress_.clear();
   ends_to_repeat_.clear();
+  gaps_to_tell_.clear();
   // They were measured against another connection, maybe another server.
   alignments_.clear();
   waits_for_alignment_ = true;
@@ -35,6 +36,13 @@ void DeliveryPlan::SetPosition(const StreamKey& stream, uint32_t durable_seq,
           "camera {}: the server has only {} of {} observations of session {}, all of which it had "
           "acknowledged; they are no longer here",
           stream.camera, durable_seq, found->second->last_seq, stream.session_id);
+      ObservationBatch gap;
+      gap.stream = stream;
+      gap.first_seq = found->second->last_seq + 1;
+      gap.dropped = {{.first_seq = durable_seq + 1,
+                      .count = found->second->last_seq - durable_seq,
+                      .reason = RefusalReason::kSpoolFreed}};
+      gaps_to_tell_.push_back(std::move(gap));
     }
     ends_to_repeat_.push_back(*found->second);
     return;
@@ -61,8 +69,12 @@ bool DeliveryPlan::Acknowledge(const BatchAck& ack) {
   progress.durable_seq = std::max(progress.durable_seq, durable_seq);
   progress.next_seq = std::max(progress.next_seq, progress.durable_seq + 1);
   progress.send_limit_seq = std::max(progress.send_limit_seq, ack.send_limit_seq);
-  spool_->Acknowledge(ack.stream, durable_seq);
-  if (ack.complete && spooled->end && progress.durable_seq >= spooled->end->last_seq) {
+  const uint32_t safe_seq =
+      keeps_until_standby_ ? std::min(ack.standby_durable_seq, spooled->end_seq - 1) : durable_seq;
+  spool_->Acknowledge(ack.stream, safe_seq);
+  const bool complete = keeps_until_standby_ ? ack.standby_complete : ack.complete;
+  const uint32_t complete_seq = keeps_until_standby_ ? safe_seq : progress.durable_seq;
+  if (complete && spooled->end && complete_seq >= spooled->end->last_seq) {
     spdlog::info("camera {}: the server has everything of session {} up to observation {}{}",
                  ack.stream.camera, ack.stream.session_id, spooled->end->last_seq,
                  spooled->end_is_unknown ? "; whether that was the last one is not known" : "");
@@ -76,6 +88,12 @@ bool DeliveryPlan::Acknowledge(const BatchAck& ack) {
 
 std::optional<DeliveryPlan::Message> DeliveryPlan::Next(Clock::time_point now) {
   if (in_flight_) return std::nullopt;
+  if (!gaps_to_tell_.empty()) {
+    ObservationBatch gap = std::move(gaps_to_tell_.back());
+    gaps_to_tell_.pop_back();
+    NoteInFlight(gap.stream, gap.first_seq - 1, false);
+    return gap;
+  }
   if (!ends_to_repeat_.empty()) {
     EndOfCapture end = std::move(ends_to_repeat_.back());
     ends_to_repeat_.pop_back();

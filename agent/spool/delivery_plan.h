@@ -26,8 +26,10 @@ class DeliveryPlan {
   using Clock = std::chrono::steady_clock;
 
   // A batch of fewer rows than a full one leaves `flush_interval` after the stream's last one.
-  DeliveryPlan(ObservationSpool* spool, Clock::duration flush_interval)
-      : spool_(spool), flush_interval_(flush_interval) {}
+  // `keeps_until_standby`: the spool forgets rows once the server's standby has them, not before.
+  DeliveryPlan(ObservationSpool* spool, Clock::duration flush_interval,
+               bool keeps_until_standby = false)
+      : spool_(spool), flush_interval_(flush_interval), keeps_until_standby_(keeps_until_standby) {}
 
   // A connection was made: nothing is in flight, and no stream has a position yet.
   void BeginConnection(size_t max_batch_rows);
@@ -102,6 +104,7 @@ class DeliveryPlan {
 
   ObservationSpool* const spool_;
   const Clock::duration flush_interval_;
+  const bool keeps_until_standby_;
   size_t max_batch_rows_ = 1;
   std::map<StreamKey, Progress> progress_;  // streams the server has given a position for
   StreamKey last_sent_;                     // streams take turns
@@ -109,6 +112,7 @@ class DeliveryPlan {
   std::map<StreamKey, std::optional<EndOfCapture>> over_;
   std::vector<StreamKey> over_in_order_;
   std::vector<EndOfCapture> ends_to_repeat_;
+  std::vector<ObservationBatch> gaps_to_tell_;  // of streams that are not here any more
   std::vector<HostAlignment> alignments_;
   std::set<std::string> aligned_cameras_;
   bool waits_for_alignment_ = true;

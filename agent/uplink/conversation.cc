@@ -74,6 +74,12 @@ v1::ConnectRequest Conversation::Hello() {
     *hello->add_pending() = wire::ToProto(spooled.stream);
   }
   hello->set_spool_survives_restart(agent_.spool->survives_restart());
+  hello->set_keeps_until_standby(options_.keeps_until_standby);
+  if (agent_.known_servers != nullptr) {
+    const KnownServers::Server known = agent_.known_servers->Last();
+    hello->set_known_server_id(known.id);
+    hello->set_known_generation(known.generation);
+  }
   return message;
 }
 
@@ -124,6 +130,10 @@ absl::Status Conversation::HandleHello(const v1::ServerHello& hello) {
     return absl::InternalError(absl::StrCat("the server's hello gives ", hello.positions_size(),
                                             " positions for ", pending_.size(),
                                             " pending streams"));
+  }
+  if (agent_.known_servers != nullptr) {
+    RIGCAL_RETURN_IF_ERROR(
+        agent_.known_servers->Meet(server_, hello.server_id(), hello.generation()));
   }
   if (!agent_.server_id.empty() && agent_.server_id != hello.server_id()) {
     spdlog::warn(

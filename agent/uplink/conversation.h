@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <optional>
@@ -18,6 +19,7 @@
 #include "agent/offer/camera_offers.h"
 #include "agent/spool/delivery_plan.h"
 #include "agent/stamp/camera_pipeline.h"
+#include "agent/uplink/known_servers.h"
 #include "common/wire/server_list.h"
 #include "rigcal/v1/ingest_service.pb.h"
 
@@ -35,6 +37,10 @@ struct UplinkOptions {
   // As AgentIdentity.
   std::string secret;
   std::string rig = "rig";
+  // The spool keeps rows until the server's standby has them.
+  bool keeps_until_standby = false;
+  // Where KnownServers are kept; empty: nowhere.
+  std::filesystem::path known_servers_file = {};
 
   // Rows of a full batch, and how long fewer rows wait to become one. The server may ask for fewer.
   size_t max_batch_rows = 256;
@@ -78,7 +84,8 @@ class Conversation {
     DetectorLearner* detectors = nullptr;
     CameraOffers* offers = nullptr;  // null: the agent offers nothing
     DeliveryPlan* plan = nullptr;
-    std::string server_id = {};  // of the server of the connection before; empty: none
+    KnownServers* known_servers = nullptr;  // null: none is remembered
+    std::string server_id = {};             // of the server of the connection before; empty: none
   };
 
   // `connection`: grows at each connection of this incarnation. `options` and `agent` must outlive

@@ -56,6 +56,11 @@ absl::StatusOr<std::unique_ptr<Uplink>> Uplink::Create(
   const auto wake = [raw = uplink.get()] { raw->Wake(); };
   RIGCAL_ASSIGN_OR_RETURN(uplink->cameras_, MakePipelines(std::move(sources), spool, wake));
   uplink->offers_ = std::move(offers);
+  if (!uplink->options_.known_servers_file.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(uplink->known_servers_,
+                            KnownServers::Open(uplink->options_.known_servers_file));
+    uplink->agent_.known_servers = &*uplink->known_servers_;
+  }
   uplink->agent_.spool = spool;
   uplink->agent_.cameras = &uplink->cameras_;
   uplink->agent_.offers = uplink->offers_.get();
@@ -71,7 +76,7 @@ Uplink::Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory ma
     : options_(std::move(options)),
       spool_(spool),
       make_channel_(std::move(make_channel)),
-      plan_(spool, options_.flush_interval),
+      plan_(spool, options_.flush_interval, options_.keeps_until_standby),
       backoff_(options_.lowest_wait, options_.highest_wait, std::random_device{}()),
       servers_(options_.servers) {
   if (servers_.size() > 1) options_.hello_timeout = options_.hello_timeout_of_several;

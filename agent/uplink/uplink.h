@@ -114,6 +114,7 @@ class Uplink {
   std::unique_ptr<CameraOffers> offers_;  // null: none
   DeliveryPlan plan_;
   Backoff backoff_;
+  std::optional<KnownServers> known_servers_;
   Conversation::Agent agent_;
   uint32_t connection_ = 0;
   wire::ServerList servers_;

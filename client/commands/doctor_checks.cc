@@ -14,6 +14,8 @@ namespace {
 constexpr uint64_t kWarnFreeBytes = uint64_t{2} << 30;
 constexpr uint64_t kFailFreeBytes = uint64_t{200} << 20;
 constexpr double kFullQueue = 0.9;
+// A standby copies some times a second.
+constexpr double kStandbyLagS = 5;
 // A session that drains is finished at its deadline; so much longer, and it is stuck.
 constexpr double kDrainSlackS = 10;
 
@@ -58,6 +60,30 @@ Check CheckIngest(const v1::IngestStatus& ingest) {
   if (ingest.refused_observation_count() == 0) return {CheckLevel::kOk, "ingest", counts};
   return {CheckLevel::kWarn, "ingest", counts,
           "rigcal session get SESSION lists what was refused, and why"};
+}
+
+Check CheckStandby(const v1::StandbyStatus& standby) {
+  if (!standby.connected()) {
+    return {CheckLevel::kFail, "standby",
+            absl::StrCat(standby.address(), " has not asked since ",
+                         FormatTime(standby.has_last_time(), standby.last_time()), "; ",
+                         FormatCount(standby.behind_count(), "observation"), " behind"),
+            "look at its log: rigcal-server --follow says there why it does not copy"};
+  }
+  if (standby.behind_s() < kStandbyLagS) {
+    return {
+        CheckLevel::kOk, "standby",
+        absl::StrCat(standby.address(),
+                     standby.behind_count() == 0
+                         ? std::string(" has everything")
+                         : absl::StrCat(" is ", FormatCount(standby.behind_count(), "observation"),
+                                        " behind"))};
+  }
+  return {
+      CheckLevel::kWarn, "standby",
+      absl::StrCat(standby.address(), " is ", FormatCount(standby.behind_count(), "observation"),
+                   " and ", FormatDuration(standby.behind_s()), " behind"),
+      "it copies more slowly than is stored, or its disk is full: its log says which"};
 }
 
 Check CheckConnections(const v1::ConnectionStatus& connections) {

@@ -58,6 +58,7 @@ std::vector<Check> CheckServer(ServerConnection& server, const v1::GetStatusResp
   checks.push_back(CheckIngest(status.ingest()));
   checks.push_back(CheckDisk(status.store()));
   checks.push_back(CheckConnections(status.connections()));
+  if (status.has_standby()) checks.push_back(CheckStandby(status.standby()));
   const auto agents = ReadAllPages(server, &v1::AgentService::Stub::ListAgents);
   checks.push_back(agents.ok() ? CheckAgents(*agents) : CannotAsk("agents", agents.status()));
   if (agents.ok()) {

@@ -63,6 +63,8 @@ std::optional<Check> CheckClock(const ConnectionFacts& facts);
 Check CheckVersions(const rigcal::v1::GetStatusResponse& status);
 Check CheckHealthWord(const std::string& word);
 Check CheckIngest(const rigcal::v1::IngestStatus& ingest);
+// Of the server that follows this one.
+Check CheckStandby(const rigcal::v1::StandbyStatus& standby);
 Check CheckConnections(const rigcal::v1::ConnectionStatus& connections);
 Check CheckDisk(const rigcal::v1::StoreStatus& store);
 Check CheckAgents(const rigcal::v1::ListAgentsResponse& agents);

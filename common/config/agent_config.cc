@@ -78,6 +78,11 @@ void AddOptions(SpoolConfig* config, OptionTable* table) {
                    "what happens when the spool is full");
   table->Add("sync_interval_ms", &config->sync_interval_ms, {0, 60'000, "ms"},
              "between syncs to the disk; 0: every observation");
+  using DurableOn = SpoolConfig::DurableOn;
+  table->AddChoice("durable_on", &config->durable_on,
+                   std::vector<std::pair<std::string, DurableOn>>{{"server", DurableOn::kServer},
+                                                                  {"standby", DurableOn::kStandby}},
+                   "who must have observations before they are forgotten here");
 }
 
 void AddOptions(PreviewConfig* config, OptionTable* table) {

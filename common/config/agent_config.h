@@ -35,11 +35,13 @@ struct PreviewConfig {
 struct SpoolConfig {
   enum class Kind : uint8_t { kDisk, kMemory };
   enum class Full : uint8_t { kBlock, kDropOldest };
+  enum class DurableOn : uint8_t { kServer, kStandby };
 
   Kind kind = Kind::kDisk;
-  size_t limit_mb = 2048;          // MiB of observations that are not acknowledged
-  Full full = Full::kBlock;        // of the disk; a full spool in memory always blocks
-  int64_t sync_interval_ms = 200;  // 0: every observation before the next one is taken
+  size_t limit_mb = 2048;                     // MiB of observations that are not acknowledged
+  Full full = Full::kBlock;                   // of the disk; a full spool in memory always blocks
+  int64_t sync_interval_ms = 200;             // 0: every observation before the next one is taken
+  DurableOn durable_on = DurableOn::kServer;  // who must have rows before they are forgotten here
 };
 
 // An agent's TOML file. deploy/agent.toml shows every key; each may be left out, except a camera's

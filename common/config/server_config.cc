@@ -61,6 +61,7 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   options.Add("store", &config.store, "postgresql://USER@HOST/DATABASE",
               "the database, where it is not in data_dir");
   options.Add("store_unsafe", &config.store_unsafe, "take a PostgreSQL server with fsync off");
+  options.Add("follow", &config.follow, "HOST:PORT", "of the server that this one is a standby of");
   options.AddPath("docs_dir", &config.docs_dir, "of the documentation, for /docs/");
   AddLogLevel(&config.log_level, &options);
   AddLogFormat(&config.log_format, &options);

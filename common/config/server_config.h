@@ -83,6 +83,7 @@ struct ServerConfig {
   std::string advertise;  // HOST:PORT that others are told; empty: from `listen`
   std::string store;
   bool store_unsafe = false;        // take a PostgreSQL server with fsync off
+  std::string follow;               // HOST:PORT of the primary of a standby; empty: it is none
   std::string docs_dir;             // of the documentation; empty: where rigcal-doc has it
   std::string log_level = "info";   // trace, debug, info, warn, error, off
   std::string log_format = "auto";  // auto, text, json, journal

@@ -44,6 +44,10 @@ struct AgentHello {
   AgentRecord agent;
   std::string secret;  // of this installation; empty: it has none
   std::vector<StreamKey> pending;
+  bool keeps_until_standby = false;  // its spool keeps rows until the server's standby has them
+  // Of the server with the highest generation that it has spoken with; empty and 0: none.
+  std::string known_server_id = {};
+  uint64_t known_generation = 0;
 };
 
 }  // namespace rigcal

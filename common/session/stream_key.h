@@ -67,6 +67,9 @@ struct BatchAck {
   uint64_t fault_count = 0;
   bool complete = false;        // the end was received, and everything before it is durable
   uint64_t conflict_count = 0;  // rows with other values than the stored ones of their numbers
+  // The same at the server's standby; 0 and false: it does not have it, or there is none.
+  uint32_t standby_durable_seq = 0;
+  bool standby_complete = false;
 };
 
 }  // namespace rigcal

@@ -58,6 +58,10 @@ absl::StatusOr<AgentHello> FromProto(const v1::AgentHello& proto) {
   hello.agent.rig = proto.rig();
   hello.secret = proto.installation_secret();
   hello.agent.spool_survives_restart = proto.spool_survives_restart();
+  RIGCAL_RETURN_IF_ERROR(CheckWord("hello.known_server_id", proto.known_server_id()));
+  hello.keeps_until_standby = proto.keeps_until_standby();
+  hello.known_server_id = proto.known_server_id();
+  hello.known_generation = proto.known_generation();
   for (int i = 0; i < proto.cameras_size(); ++i) {
     const v1::AnnouncedCamera& camera = proto.cameras(i);
     const std::string field = absl::StrCat("hello.cameras[", i, "]");

@@ -303,6 +303,8 @@ v1::BatchAck ToProto(const BatchAck& ack) {
   proto.set_fault_count(ack.fault_count);
   proto.set_complete(ack.complete);
   proto.set_conflict_count(ack.conflict_count);
+  proto.set_standby_durable_seq(ack.standby_durable_seq);
+  proto.set_standby_complete(ack.standby_complete);
   return proto;
 }
 
@@ -317,6 +319,8 @@ absl::StatusOr<BatchAck> FromProto(const v1::BatchAck& proto) {
   ack.fault_count = proto.fault_count();
   ack.complete = proto.complete();
   ack.conflict_count = proto.conflict_count();
+  ack.standby_durable_seq = proto.standby_durable_seq();
+  ack.standby_complete = proto.standby_complete();
   return ack;
 }
 

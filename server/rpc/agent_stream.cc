@@ -118,6 +118,8 @@ void AgentStream::TakeHello() {
   agent_id_ = hello->agent.agent_id;
   hello->agent.address = caller_.address.substr(0, caller_.address.rfind(':'));
   if (const absl::Status status = CheckName(&*hello); !status.ok()) return Refuse(status);
+  if (const absl::Status status = CheckGeneration(*hello); !status.ok()) return Refuse(status);
+  keeps_until_standby_ = hello->keeps_until_standby && environment_.standbys != nullptr;
   rig_ = hello->agent.rig;
   for (const AnnouncedCamera& camera : hello->agent.cameras) {
     cameras_.insert(camera.description.camera);
@@ -144,12 +146,35 @@ absl::Status AgentStream::CheckName(AgentHello* hello) const {
                    "': the certificate names who it is; join again to change the name"));
 }
 
+absl::Status AgentStream::CheckGeneration(const AgentHello& hello) const {
+  if (environment_.standbys == nullptr || hello.known_server_id != environment_.server_id ||
+      hello.known_generation <= environment_.generation) {
+    return absl::OkStatus();
+  }
+  environment_.standbys->Supersede(hello.known_generation,
+                                   absl::StrCat("agent ", hello.agent.agent_id, " says so"));
+  return absl::FailedPreconditionError(
+      absl::StrCat("this server has generation ", environment_.generation, ", and agent '",
+                   hello.agent.agent_id, "' has spoken with generation ", hello.known_generation,
+                   ": a standby has taken over, and this server stops"));
+}
+
 void AgentStream::Register(AgentHello hello) {
   const LogScope scope({.correlation = correlation_});
   const size_t camera_count = hello.agent.cameras.size();
   const std::string host = hello.agent.host;
   AgentRegistry* const registry = environment_.registry;
   const AgentRecord agent = registry == nullptr ? AgentRecord() : hello.agent;
+  uint64_t listener = 0;
+  if (keeps_until_standby_) {
+    listener = environment_.standbys->AddListener(
+        [weak = weak_from_this()](const std::vector<StreamProgress>& streams) {
+          if (const auto stream = weak.lock()) stream->TellStandby(streams);
+        });
+    const std::lock_guard lock(mutex_);
+    standby_listener_ = listener;
+    kept_streams_.insert(hello.pending.begin(), hello.pending.end());
+  }
   if (registry != nullptr) {
     if (const absl::Status status = registry->Check(agent); !status.ok()) return Refuse(status);
   }
@@ -174,6 +199,7 @@ void AgentStream::Register(AgentHello hello) {
   answer.set_takes_offers(true);
   answer.set_software_version(std::string(wire::kSoftwareVersion));
   answer.set_server_id(environment_.server_id);
+  answer.set_generation(environment_.generation);
   answer.set_max_message_bytes(environment_.options.max_message_bytes);
   answer.set_max_batch_observations(environment_.options.max_batch_rows);
   if (environment_.options.servers) {
@@ -187,6 +213,9 @@ void AgentStream::Register(AgentHello hello) {
     if (!done_) {
       registration_ = connection->registration;
       outgoing_.SetHello(std::move(answer));
+      for (const StreamKey& stream : kept_streams_) {
+        AddStandbyAcks({environment_.standbys->Of(stream)});
+      }
       Pump();
       ReadNext();
       spdlog::info("agent {} on {} connected with {} cameras of rig {}", agent_id_, host,
@@ -194,6 +223,7 @@ void AgentStream::Register(AgentHello hello) {
       return;
     }
   }
+  if (listener != 0) environment_.standbys->RemoveListener(listener);
   // It went while it was being registered, and OnDone knew of no registration.
   environment_.coordinator->DisconnectAgent(connection->registration);
 }
@@ -215,6 +245,12 @@ void AgentStream::TakeMessage() {
         {
           std::lock_guard lock(mutex_);
           registration = registration_;
+        }
+        if (keeps_until_standby_ && spool->problem.empty() &&
+            !environment_.standbys->IsConnected()) {
+          spool->problem =
+              "observations are kept until a standby has them (--durable-on standby): none is "
+              "connected; start one (rigcal-server --follow), or run the agent without";
         }
         environment_.coordinator->RecordSpool(registration, *std::move(spool));
       }
@@ -315,6 +351,7 @@ void AgentStream::Submit() {
     std::lock_guard lock(mutex_);
     if (ended_) return;
     ++unanswered_;
+    if (keeps_until_standby_) kept_streams_.insert(delivery_.stream());
   }
   const absl::Status status = environment_.ingest->Submit(
       delivery_,
@@ -417,14 +454,37 @@ void AgentStream::EndWith(const absl::Status& status) {
 
 void AgentStream::OnCancel() { Close(absl::CancelledError("the agent's connection is gone")); }
 
+void AgentStream::TellStandby(const std::vector<StreamProgress>& streams) {
+  const std::lock_guard lock(mutex_);
+  if (ended_ || registration_ == 0) return;
+  AddStandbyAcks(streams);
+  Pump();
+}
+
+void AgentStream::AddStandbyAcks(const std::vector<StreamProgress>& streams) {
+  for (const StreamProgress& progress : streams) {
+    if (!kept_streams_.contains(progress.stream)) continue;
+    // One that finds no room is repeated with the stream's next rows, or after a new connection.
+    outgoing_.AddAck({.stream = progress.stream,
+                      .durable_seq = 0,
+                      .send_limit_seq = 0,
+                      .faults = {},
+                      .standby_durable_seq = progress.durable_seq,
+                      .standby_complete = progress.complete});
+  }
+}
+
 void AgentStream::OnDone() {
   const LogScope scope({.correlation = correlation_});
   AgentDirectory::Registration registration = 0;
+  uint64_t listener = 0;
   {
     std::lock_guard lock(mutex_);
     done_ = true;
     registration = registration_;
+    listener = std::exchange(standby_listener_, 0);
   }
+  if (listener != 0) environment_.standbys->RemoveListener(listener);
   hello_alarm_.Cancel();
   environment_.without_hello.Remove(ticket_);
   if (registration != 0) {

@@ -20,6 +20,7 @@
 #include "common/session/agent.h"
 #include "rigcal/v1/ingest_service.pb.h"
 #include "server/ingest/ingest.h"
+#include "server/replica/standby_book.h"
 #include "server/rpc/call_security.h"
 #include "server/rpc/deliveries.h"
 #include "server/rpc/outgoing_messages.h"
@@ -60,6 +61,8 @@ struct AgentStreamEnvironment {
   std::string server_id;
   CallSecurity* security = nullptr;
   AgentRegistry* registry = nullptr;  // null: agents and cameras belong to nobody
+  StandbyBook* standbys = nullptr;    // null: nobody follows this server
+  uint64_t generation = 0;            // of this server's data
   StreamsWithoutHello without_hello{options.max_streams_without_hello};
   // For what the reaction of a stream must not wait for; two tasks per open stream at most.
   TaskQueue tasks{"agent streams"};
@@ -107,6 +110,10 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   void Deliver(absl::StatusOr<Delivery> delivery);
   void Submit();
   void Delivered(absl::StatusOr<BatchAck> ack);
+  // What the standby has of streams of this agent.
+  void TellStandby(const std::vector<StreamProgress>& streams);
+  // Not OK: another server has taken over, as the agent knows.
+  absl::Status CheckGeneration(const AgentHello& hello) const;
   // Close, and a line in the log, and in that of audits where somebody claims what is not theirs.
   void Refuse(const absl::Status& reason);
 
@@ -114,6 +121,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   void ReadNext();
   void Pump();
   void FinishWhenAllIsAnswered();
+  void AddStandbyAcks(const std::vector<StreamProgress>& streams);
   void EndWith(const absl::Status& status);
 
   AgentStreamEnvironment& environment_;
@@ -130,6 +138,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   std::string agent_id_;
   std::string rig_;
   std::set<std::string> cameras_;
+  bool keeps_until_standby_ = false;
 
   std::mutex mutex_;
   bool hello_seen_ = false;
@@ -141,6 +150,8 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   bool ended_ = false;     // Finish has been called
   bool done_ = false;
   AgentDirectory::Registration registration_ = 0;
+  std::set<StreamKey> kept_streams_;  // that the agent keeps until the standby has them
+  uint64_t standby_listener_ = 0;
 };
 
 }  // namespace rigcal::server

@@ -16,7 +16,8 @@ namespace rigcal::server {
 IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coordinator,
                              Ingest* ingest, PreviewBroker* previews, DetectorBroker* detectors,
                              CameraChoices* choices, std::string server_id, CallSecurity* security,
-                             AgentRegistry* registry)
+                             AgentRegistry* registry, StandbyBook* standbys,
+                             uint64_t generation)
     : environment_{.options = options,
                    .coordinator = coordinator,
                    .ingest = ingest,
@@ -25,7 +26,9 @@ IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coo
                    .choices = choices,
                    .server_id = std::move(server_id),
                    .security = security,
-                   .registry = registry} {
+                   .registry = registry,
+                   .standbys = standbys,
+                   .generation = generation} {
   environment_.tasks.Start();
 }
 

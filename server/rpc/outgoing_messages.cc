@@ -12,6 +12,8 @@ void MergeInto(BatchAck newer, BatchAck* ack) {
   ack->durable_seq = std::max(ack->durable_seq, newer.durable_seq);
   ack->send_limit_seq = std::max(ack->send_limit_seq, newer.send_limit_seq);
   ack->complete = ack->complete || newer.complete;
+  ack->standby_durable_seq = std::max(ack->standby_durable_seq, newer.standby_durable_seq);
+  ack->standby_complete = ack->standby_complete || newer.standby_complete;
   ack->fault_count += newer.fault_count;
   ack->conflict_count += newer.conflict_count;
   for (ObservationFault& fault : newer.faults) {

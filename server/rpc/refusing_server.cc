@@ -27,8 +27,9 @@ class RefusingReactor final : public grpc::ServerGenericBidiReactor {
 
 }  // namespace
 
-RefusingServer::RefusingServer(RpcEndpointOptions options, AuditLog* audit, Refusal refusal)
-    : endpoint_(std::move(options), audit), refusal_(std::move(refusal)) {}
+RefusingServer::RefusingServer(RpcEndpointOptions options, AuditLog* audit, Refusal refusal,
+                               grpc::Service* service)
+    : endpoint_(std::move(options), audit), service_(service), refusal_(std::move(refusal)) {}
 
 grpc::ServerGenericBidiReactor* RefusingServer::Service::CreateReactor(
     grpc::GenericCallbackServerContext* context) {
@@ -54,7 +55,8 @@ void RefusingServer::SetRefusal(Refusal refusal) {
 absl::StatusOr<int> RefusingServer::Start() {
   grpc::ServerBuilder builder;
   RIGCAL_ASSIGN_OR_RETURN(const int port, endpoint_.AddTo(&builder, kMaxMessageBytes));
-  builder.RegisterCallbackGenericService(&service_);
+  if (service_ != nullptr) builder.RegisterService(service_);
+  builder.RegisterCallbackGenericService(&refusing_);
   server_ = builder.BuildAndStart();
   if (!server_) return absl::InternalError("gRPC cannot start; its log is ours at level debug");
   server_->GetHealthCheckService()->SetServingStatus(false);

@@ -25,7 +25,9 @@ struct Refusal {
 // server that waits for its turn, or follows another one. Thread-safe.
 class RefusingServer {
  public:
-  RefusingServer(RpcEndpointOptions options, AuditLog* audit, Refusal refusal);
+  // `service`, where there is one, answers its calls; it must outlive this object.
+  RefusingServer(RpcEndpointOptions options, AuditLog* audit, Refusal refusal,
+                 grpc::Service* service = nullptr);
   ~RefusingServer() { Shutdown(); }
 
   // The port and errors of RpcEndpoint::AddTo.
@@ -48,7 +50,8 @@ class RefusingServer {
   Refusal refusal() const;
 
   RpcEndpoint endpoint_;
-  Service service_{this};
+  Service refusing_{this};
+  grpc::Service* const service_;
   mutable std::mutex mutex_;
   Refusal refusal_;
   std::unique_ptr<grpc::Server> server_;

@@ -13,6 +13,7 @@
 #include "server/rpc/api_calls.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/call_hooks.h"
+#include "server/rpc/replication_service.h"
 #include "server/session/utc_clock.h"
 
 namespace rigcal::server {
@@ -24,8 +25,14 @@ constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
     "rigcal.v1.AgentService",   "rigcal.v1.CameraService",       "rigcal.v1.IdentityService",
     "rigcal.v1.SessionService", "rigcal.v1.CalibrationService",  "rigcal.v1.LensService",
-    "rigcal.v1.LiveService",    "rigcal.v1.MaintenanceService",  "rigcal.v1.RigService",
-    "rigcal.v1.StatusService",  "rigcal.v1.TriangulationService"};
+    "rigcal.v1.LiveService",    "rigcal.v1.MaintenanceService",  "rigcal.v1.ReplicationService",
+    "rigcal.v1.RigService",     "rigcal.v1.StatusService",      "rigcal.v1.TriangulationService"};
+
+// 0: of a store that nobody follows.
+uint64_t GenerationOf(Store& store) {
+  const ReplicaSource* const source = store.replica_source();
+  return source == nullptr ? 0 : source->Generation().value_or(0);
+}
 
 RpcEndpointOptions EndpointOptions(const RpcServerOptions& options, const Ingest* ingest) {
   RpcEndpointOptions result = options.endpoint;
@@ -48,7 +55,8 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
       readers_(options_.readers, parts.store, parts.coordinator),
       live_answers_(parts.live),
       ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_, &detectors_,
-                      &choices_, parts.store->server_id(), &endpoint_.security(), parts.registry) {
+                      &choices_, parts.store->server_id(), &endpoint_.security(), parts.registry, parts.standbys,
+                      GenerationOf(*parts.store)) {
   services_.push_back(MakeAgentService(parts, &choices_));
   services_.push_back(MakeCameraService(parts, &previews_, &detectors_, &choices_));
   services_.push_back(MakeIdentityService(parts));
@@ -58,6 +66,9 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
   services_.push_back(MakeLensService(parts.store));
   services_.push_back(MakeLiveService(&live_answers_));
   services_.push_back(MakeMaintenanceService(parts.store, &watches_));
+  if (parts.standbys != nullptr) {
+    services_.push_back(MakeReplicationService(parts.store, parts.standbys, parts.data_dir));
+  }
   services_.push_back(MakeStatusService(parts, options_.ingest_queue_limit_bytes, UtcNowNs({}),
                                         &endpoint_.listener(),
                                         options_.endpoint.listener.limits.total));
@@ -129,6 +140,7 @@ void RpcServer::Shutdown(std::chrono::milliseconds grace) {
   choices_.Shutdown();
   parts_.directory->CloseAll(
       absl::UnavailableError("the server is shutting down; connect again after a moment"));
+  parts_.store->changes().Shutdown();
   watches_.EndStreams();
   readers_.EndStreams();
   const auto deadline = std::chrono::steady_clock::now() + grace;

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 
 #include "server/audit/audit_log.h"
@@ -12,6 +13,7 @@
 #include "server/ingest/ingest.h"
 #include "server/listen/listener.h"
 #include "server/live/live_tracker.h"
+#include "server/replica/standby_book.h"
 #include "server/rpc/call_security.h"
 #include "server/rpc/live_answers.h"
 #include "server/rpc/observation_readers.h"
@@ -44,6 +46,8 @@ struct RpcServerParts {
   const LiveTracker* live = nullptr;        // null: there is no live state
   MonitorSettings* monitors = nullptr;      // null: no rig is monitored
   ServerRoster* roster = nullptr;           // null: no other server shares the store
+  StandbyBook* standbys = nullptr;          // null: nobody follows this server
+  std::filesystem::path data_dir = {};      // whose files a standby copies; empty: none
 };
 
 // The services of rigcal.v1 for clients; each in the file of its name.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <chrono>
+#include <optional>
 #include <string>
 
 #include "common/wire/protocol_version.h"
@@ -47,6 +48,17 @@ void FillWorker(const SolveWorker& worker, v1::SolveWorker* proto) {
   proto->set_is_alive(worker.is_alive);
   proto->mutable_calibration_ids()->Assign(worker.calibration_ids.begin(),
                                            worker.calibration_ids.end());
+}
+
+void FillStandby(const StandbyBook& standbys, v1::GetStatusResponse* response) {
+  const std::optional<StandbyState> state = standbys.State();
+  if (!state) return;
+  v1::StandbyStatus* const standby = response->mutable_standby();
+  standby->set_address(state->address);
+  standby->set_connected(state->connected);
+  *standby->mutable_last_time() = wire::ToTimestamp(state->last_utc_ns);
+  standby->set_behind_count(state->behind_rows);
+  standby->set_behind_s(state->behind_s);
 }
 
 class StatusService final : public v1::StatusService::Service {
@@ -101,6 +113,11 @@ class StatusService final : public v1::StatusService::Service {
       if (parts_.retention != nullptr && parts_.retention->enabled()) {
         FillRetention(parts_.retention->Stats(), store->mutable_retention());
       }
+
+      if (const ReplicaSource* const source = parts_.store->replica_source()) {
+        response->set_generation(source->Generation().value_or(0));
+      }
+      if (parts_.standbys != nullptr) FillStandby(*parts_.standbys, response);
 
       const ConnectionStats open = listener_.connections().Stats();
       v1::ConnectionStatus* connections = response->mutable_connections();

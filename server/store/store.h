@@ -19,6 +19,8 @@
 #include "server/store/calibration_job.h"
 #include "server/store/delivery.h"
 #include "server/store/record_list.h"
+#include "server/store/replica.h"
+#include "server/store/store_changes.h"
 
 namespace rigcal::server {
 
@@ -170,6 +172,16 @@ class Store {
   // the part that is done, 0 to 1; what it returns, unless OK, ends the work. UNIMPLEMENTED: where
   // StoreHealth::counts_unused is false; the message says what to do instead.
   virtual absl::Status Compact(const std::function<absl::Status(double)>& progress) = 0;
+
+  // --- Standbys ---
+  // Null: others cannot follow this store; its database has standbys of its own.
+  virtual ReplicaSource* replica_source() { return nullptr; }
+  virtual ReplicaTarget* replica_target() { return nullptr; }
+  // What has changed in this run of the process.
+  StoreChanges& changes() { return changes_; }
+
+ private:
+  StoreChanges changes_;
 };
 
 }  // namespace rigcal::server

@@ -50,7 +50,7 @@ const std::vector<Layer>& Layers() {
        {"server/access", "server/associate", "server/audit", "server/identity", "server/store",
         "server/solve/bundle"}},
       {"server: ports, ingest, tables",
-       {"server/api", "server/ingest", "server/listen", "server/solve/geometry",
+       {"server/api", "server/ingest", "server/listen", "server/replica", "server/solve/geometry",
         "server/solve/trajectory", "server/store/sql"}},
       {"server: pages, a start for the solve, databases",
        {"server/http", "server/solve/initialize", "server/store/postgresql",
@@ -64,7 +64,8 @@ const std::vector<Layer>& Layers() {
       {"server: jobs, live state", {"server/jobs", "server/lens", "server/live", "server/metrics"}},
       {"server: services, the program that solves",
        {"server/estimate", "server/monitor", "server/rpc", "server/worker/main.cc"}},
-      {"server: care of the data, turns of several servers", {"server/care", "server/turn"}},
+      {"server: care of the data, turns of several servers, standbys",
+       {"server/care", "server/standby", "server/turn"}},
 
       {"client: connection, output", {"client/net", "client/output"}},
       {"client: results", {"client/results", "client/tables"}},

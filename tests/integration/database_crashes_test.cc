@@ -70,7 +70,7 @@ class DatabaseReplicated : public RunningWave {
  protected:
   DatabaseReplicated()
       : RunningWave(PostgresCluster::Installed() ? "replicated" : "sqlite", 400,
-                    PostgresCluster::Installed() ? 1 : 0) {}
+                    {.spare_count = PostgresCluster::Installed() ? 1 : 0}) {}
   void SetUp() override {
     if (cluster_ == nullptr) {
       GTEST_SKIP() << "no PostgreSQL server in /usr/lib/postgresql: install the package postgresql";

@@ -40,11 +40,18 @@ inline uint64_t StoredCount(const std::string& address) {
 // Agents that capture for as long as it takes, and a server that is killed at random instants.
 class RunningWave : public ::testing::Test {
  protected:
+  struct Shape {
+    int spare_count = 0;  // servers of the same database that wait for their turn
+    int cameras = 3;
+    int speed = 8;                                  // times 50 Hz
+    std::vector<std::string> agent_arguments = {};  // follow the others
+  };
+
   // `store`: "sqlite", "postgresql", or "replicated": that with a synchronous standby.
-  // `duration_s`: far more than is captured. `spare_count`: servers of the same database that wait
-  // for their turn.
-  RunningWave(const std::string& store, int duration_s, int spare_count = 0, int cameras = 3)
-      : camera_count_(cameras) {
+  // `duration_s`: far more than is captured.
+  RunningWave(const std::string& store, int duration_s) : RunningWave(store, duration_s, Shape()) {}
+  RunningWave(const std::string& store, int duration_s, const Shape& shape)
+      : camera_count_(shape.cameras) {
     if (store != "sqlite") {
       cluster_ = std::make_unique<PostgresCluster>(PostgresCluster::Options{});  // fsync is on
       store_arguments_ = {"--store", cluster_->Url(cluster_->CreateDatabase())};
@@ -52,19 +59,24 @@ class RunningWave : public ::testing::Test {
     if (store == "replicated") Replicate();
     server_ = StartServer(0);
     std::string servers = server_->address();
-    for (int i = 0; i < spare_count; ++i) {
+    for (int i = 0; i < shape.spare_count; ++i) {
       spares_.push_back(StartServer(0, absl::StrCat("store", i + 1)));
       absl::StrAppend(&servers, ",", spares_.back()->address());
     }
-    options_.camera_count = cameras;
+    options_.camera_count = shape.cameras;
     options_.duration_s = duration_s;
-    for (int i = 0; i < cameras; ++i) {
-      agents_.push_back(std::make_unique<Process>(Process::Options{
-          {"rigcal-agent", "--server", servers, "--state-dir",
-           (directory_.path() / ("agent" + std::to_string(i))).string(), "--source",
-           absl::StrCat("sim:camera=", i, ";cameras=", cameras, ";duration=", options_.duration_s,
-                        ";speed=8")},
-          {}}));
+    for (int i = 0; i < shape.cameras; ++i) {
+      std::vector<std::string> arguments = {
+          "rigcal-agent",
+          "--server",
+          servers,
+          "--state-dir",
+          (directory_.path() / ("agent" + std::to_string(i))).string(),
+          "--source",
+          absl::StrCat("sim:camera=", i, ";cameras=", shape.cameras,
+                       ";duration=", options_.duration_s, ";speed=", shape.speed)};
+      arguments.insert(arguments.end(), shape.agent_arguments.begin(), shape.agent_arguments.end());
+      agents_.push_back(std::make_unique<Process>(Process::Options{arguments, {}}));
     }
   }
 

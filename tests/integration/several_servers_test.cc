@@ -33,7 +33,8 @@ class SeveralServers : public RunningWave {
  protected:
   SeveralServers()
       : RunningWave(PostgresCluster::Installed() ? "postgresql" : "sqlite", 400,
-                    PostgresCluster::Installed() ? 2 : 0, Asked("RIGCAL_AGENTS", 3)) {}
+                    {.spare_count = PostgresCluster::Installed() ? 2 : 0,
+                     .cameras = Asked("RIGCAL_AGENTS", 3)}) {}
   void SetUp() override {
     if (cluster_ == nullptr) {
       GTEST_SKIP() << "no PostgreSQL server in /usr/lib/postgresql: install the package postgresql";

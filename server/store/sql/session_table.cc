@@ -93,26 +93,6 @@ void PutSessionSummary(SqlDatabase& database, int64_t number, const Session& ses
   PutSummary(database, kSession, number, wire::SerializeSession(WithoutCameras(session)));
 }
 
-// Batches, clock samples and alignments of its streams.
-void EraseStreamRows(SqlDatabase& database, int64_t session_number) {
-  SqlStatement streams = Query(database,
-                               "SELECT s.id FROM stream s JOIN session_camera c ON "
-                               "s.camera_id=c.id WHERE c.session_number=?",
-                               session_number);
-  SqlStatement erase_batches(database,
-                             "DELETE FROM batch WHERE id BETWEEN (?1<<32) AND (?1<<32)+4294967295");
-  SqlStatement erase_samples(database, "DELETE FROM clock_sample WHERE stream_id=?");
-  SqlStatement erase_lights(database, "DELETE FROM light_sample WHERE stream_id=?");
-  SqlStatement erase_alignments(database, "DELETE FROM host_alignment WHERE stream_id=?");
-  while (streams.Step()) {
-    const int64_t stream = streams.Int64(0);
-    Execute(erase_batches, stream);
-    Execute(erase_samples, stream);
-    Execute(erase_lights, stream);
-    Execute(erase_alignments, stream);
-  }
-}
-
 }  // namespace
 
 absl::StatusOr<int64_t> SessionNumber(SqlDatabase& database, std::string_view id) {
@@ -190,18 +170,37 @@ void SummarizeSessions(SqlDatabase& database) {
   }
 }
 
+void EraseStreamRows(SqlDatabase& database, std::string_view id) {
+  SqlStatement streams = Query(database,
+                               "SELECT t.id FROM stream t JOIN session_camera c ON "
+                               "t.camera_id=c.id JOIN session s ON c.session_number=s.number "
+                               "WHERE s.id=?",
+                               id);
+  SqlStatement erase_batches(database,
+                             "DELETE FROM batch WHERE id BETWEEN (?1<<32) AND (?1<<32)+4294967295");
+  SqlStatement erase_samples(database, "DELETE FROM clock_sample WHERE stream_id=?");
+  SqlStatement erase_lights(database, "DELETE FROM light_sample WHERE stream_id=?");
+  SqlStatement erase_alignments(database, "DELETE FROM host_alignment WHERE stream_id=?");
+  while (streams.Step()) {
+    const int64_t stream = streams.Int64(0);
+    Execute(erase_batches, stream);
+    Execute(erase_samples, stream);
+    Execute(erase_lights, stream);
+    Execute(erase_alignments, stream);
+  }
+}
+
 absl::Status EraseSession(SqlDatabase& database, std::string_view id) {
   RIGCAL_ASSIGN_OR_RETURN(const int64_t number, SessionNumber(database, id));
-  EraseStreamRows(database, number);
+  EraseStreamRows(database, id);
   Query(database, "DELETE FROM session WHERE number=?", number).Run();
   Query(database, "INSERT INTO deleted_session(id, number) VALUES(?,?)", id, number).Run();
   return absl::OkStatus();
 }
 
 absl::Status EraseObservations(SqlDatabase& database, std::string_view id, int64_t utc_ns) {
-  RIGCAL_ASSIGN_OR_RETURN(const int64_t number, SessionNumber(database, id));
   RIGCAL_ASSIGN_OR_RETURN(Session session, FindSession(database, id));
-  EraseStreamRows(database, number);
+  EraseStreamRows(database, id);
   session.observations_delete_utc_ns = utc_ns;
   return ReplaceSession(database, session);
 }

@@ -22,6 +22,8 @@ std::vector<Listed<SessionSummary>> ListSessions(SqlDatabase& database, const Se
                                                  const ListPage& page);
 // Makes the summaries of all sessions whose records can be read.
 void SummarizeSessions(SqlDatabase& database);
+// Batches, clock samples and alignments of its streams.
+void EraseStreamRows(SqlDatabase& database, std::string_view id);
 // Its observations too.
 absl::Status EraseSession(SqlDatabase& database, std::string_view id);
 // The observations only.

@@ -3,6 +3,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <map>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -10,8 +11,11 @@
 #include "server/store/row_account.h"
 #include "server/store/sql/activation_table.h"
 #include "server/store/sql/calibration_table.h"
+#include "server/store/sql/counter_table.h"
 #include "server/store/sql/job_table.h"
 #include "server/store/sql/observation_reader.h"
+#include "server/store/sql/replica_reader.h"
+#include "server/store/sql/replica_writer.h"
 #include "server/store/sql/session_table.h"
 
 namespace rigcal::server {
@@ -61,12 +65,17 @@ absl::StatusOr<Session> SqlStore::CreateSession(Session session) {
         RIGCAL_ASSIGN_OR_RETURN(stored, InsertSession(database, session));
         return absl::OkStatus();
       }));
+  changes().NoteShared();
+  changes().NoteSession(stored.id);
   return stored;
 }
 
 absl::Status SqlStore::UpdateSession(const Session& session) {
-  return ChangeSessions(absl::StrCat("storing session ", session.id),
-                        [&](SqlDatabase& database) { return ReplaceSession(database, session); });
+  RIGCAL_RETURN_IF_ERROR(
+      ChangeSessions(absl::StrCat("storing session ", session.id),
+                     [&](SqlDatabase& database) { return ReplaceSession(database, session); }));
+  changes().NoteSession(session.id);
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Session> SqlStore::GetSession(std::string_view id) const {
@@ -84,18 +93,22 @@ absl::StatusOr<std::vector<Listed<SessionSummary>>> SqlStore::ListSessions(
 }
 
 absl::Status SqlStore::DeleteSession(std::string_view id) {
-  return Erase([&] {
+  RIGCAL_RETURN_IF_ERROR(Erase([&] {
     return ChangeSessions(absl::StrCat("deleting session ", std::string(id)),
                           [&](SqlDatabase& database) { return EraseSession(database, id); });
-  });
+  }));
+  changes().NoteShared();
+  return absl::OkStatus();
 }
 
 absl::Status SqlStore::DeleteObservations(std::string_view id, int64_t utc_ns) {
-  return Erase([&] {
+  RIGCAL_RETURN_IF_ERROR(Erase([&] {
     return ChangeSessions(
         absl::StrCat("deleting the observations of session ", std::string(id)),
         [&](SqlDatabase& database) { return EraseObservations(database, id, utc_ns); });
-  });
+  }));
+  changes().NoteSession(id);
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::vector<SessionCameraCounts>> SqlStore::GetSessionCounts(
@@ -114,6 +127,11 @@ absl::StatusOr<std::vector<AppendOutcome>> SqlStore::Append(absl::Span<const Del
         return absl::OkStatus();
       },
       [&] { observations_->Forget(); }));
+  std::map<std::string_view, uint64_t> rows;
+  for (size_t i = 0; i < deliveries.size(); ++i) {
+    if (!outcomes[i].unknown) rows[deliveries[i].stream().session_id] += outcomes[i].stored_rows;
+  }
+  for (const auto& [session, count] : rows) changes().NoteSession(session, count);
   return outcomes;
 }
 
@@ -192,13 +210,17 @@ absl::StatusOr<Calibration> SqlStore::CreateCalibration(Calibration calibration)
         RIGCAL_ASSIGN_OR_RETURN(stored, InsertCalibration(database, calibration));
         return absl::OkStatus();
       }));
+  changes().NoteShared();
+  changes().NoteCalibration(stored.id);
   return stored;
 }
 
 absl::Status SqlStore::UpdateCalibration(const Calibration& calibration) {
-  return writer_->Transact(
+  RIGCAL_RETURN_IF_ERROR(writer_->Transact(
       absl::StrCat("storing calibration ", calibration.id),
-      [&](SqlDatabase& database) { return ReplaceCalibration(database, calibration); });
+      [&](SqlDatabase& database) { return ReplaceCalibration(database, calibration); }));
+  changes().NoteCalibration(calibration.id);
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Calibration> SqlStore::GetCalibration(std::string_view id) const {
@@ -216,14 +238,16 @@ absl::StatusOr<std::vector<Listed<Calibration>>> SqlStore::ListCalibrations(
 }
 
 absl::Status SqlStore::DeleteCalibration(std::string_view id) {
-  return Erase([&] {
+  RIGCAL_RETURN_IF_ERROR(Erase([&] {
     return writer_->Transact(absl::StrCat("deleting calibration ", std::string(id)),
                              [&](SqlDatabase& database) {
                                absl::Status status = EraseCalibration(database, id);
                                NoteSize();
                                return status;
                              });
-  });
+  }));
+  changes().NoteShared();
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::optional<ClaimedJob>> SqlStore::ClaimJob(const JobHolder& holder,
@@ -234,6 +258,7 @@ absl::StatusOr<std::optional<ClaimedJob>> SqlStore::ClaimJob(const JobHolder& ho
         RIGCAL_ASSIGN_OR_RETURN(claimed, server::ClaimJob(database, holder, options, lease_ms()));
         return absl::OkStatus();
       }));
+  if (claimed) changes().NoteCalibration(claimed->claim.calibration_id);
   return claimed;
 }
 
@@ -249,9 +274,11 @@ absl::StatusOr<bool> SqlStore::RenewJob(const JobClaim& claim, const JobProgress
 }
 
 absl::Status SqlStore::FinishJob(const JobClaim& claim, const Calibration& calibration) {
-  return writer_->Transact(
+  RIGCAL_RETURN_IF_ERROR(writer_->Transact(
       absl::StrCat("storing calibration ", calibration.id),
-      [&](SqlDatabase& database) { return server::FinishJob(database, claim, calibration); });
+      [&](SqlDatabase& database) { return server::FinishJob(database, claim, calibration); }));
+  changes().NoteCalibration(calibration.id);
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Calibration> SqlStore::CancelJob(std::string_view id, int64_t utc_ns) {
@@ -262,6 +289,7 @@ absl::StatusOr<Calibration> SqlStore::CancelJob(std::string_view id, int64_t utc
         RIGCAL_ASSIGN_OR_RETURN(calibration, server::CancelJob(database, id, utc_ns));
         return absl::OkStatus();
       }));
+  changes().NoteCalibration(id);
   return calibration;
 }
 
@@ -313,6 +341,7 @@ absl::StatusOr<Activation> SqlStore::AddActivation(Activation activation) {
         RIGCAL_ASSIGN_OR_RETURN(stored, InsertActivation(database, activation));
         return absl::OkStatus();
       }));
+  changes().NoteShared();
   return stored;
 }
 
@@ -321,6 +350,69 @@ absl::StatusOr<std::vector<Activation>> SqlStore::ListActivations(std::string_vi
   return reader_->Read("reading a rig's history", [&](SqlDatabase& database) {
     return server::ListActivations(database, rig, limit);
   });
+}
+
+absl::StatusOr<uint64_t> SqlStore::Generation() const {
+  return reader_->Read(
+      "reading the generation",
+      [](SqlDatabase& database) -> absl::StatusOr<uint64_t> { return ReadGeneration(database); });
+}
+
+absl::StatusOr<ReplicaListing> SqlStore::ListReplica() const {
+  return reader_->Read("listing for a standby",
+                       [](SqlDatabase& database) -> absl::StatusOr<ReplicaListing> {
+                         return server::ListReplica(database);
+                       });
+}
+
+absl::StatusOr<std::vector<ReplicaDigest>> SqlStore::ReadReplica(
+    ReplicaKind kind, const std::string& id, const std::vector<ReplicaStream>& streams,
+    const std::function<absl::Status(std::vector<ReplicaRows>)>& take) const {
+  return server::ReadReplica(*reader_, kind, id, streams, take);
+}
+
+absl::StatusOr<std::vector<ReplicaStream>> SqlStore::ReplicaStreams(const std::string& id) const {
+  return reader_->Read("reading what a standby has",
+                       [&](SqlDatabase& database) -> absl::StatusOr<std::vector<ReplicaStream>> {
+                         return ReadReplicaStreams(database, id);
+                       });
+}
+
+absl::StatusOr<std::vector<StreamProgress>> SqlStore::ReplicaProgress(const std::string& id) const {
+  return reader_->Read("reading what a standby has",
+                       [&](SqlDatabase& database) -> absl::StatusOr<std::vector<StreamProgress>> {
+                         return ReadReplicaProgress(database, id);
+                       });
+}
+
+absl::Status SqlStore::WriteReplica(
+    ReplicaKind kind, const std::string& id, bool anew,
+    const std::function<absl::StatusOr<std::vector<ReplicaDigest>>(const TakeRows&)>& read) {
+  return ChangeSessions(absl::StrCat("storing what the primary has", id.empty() ? "" : " of ", id),
+                        [&](SqlDatabase& database) {
+                          if (anew) EraseRecord(database, kind, id);
+                          return WriteRecord(database, kind, id, read);
+                        });
+}
+
+absl::Status SqlStore::EraseReplica(ReplicaKind kind, const std::string& id) {
+  return Erase([&] {
+    return ChangeSessions(absl::StrCat("deleting ", id), [&](SqlDatabase& database) {
+      EraseRecord(database, kind, id);
+      return absl::OkStatus();
+    });
+  });
+}
+
+absl::StatusOr<uint64_t> SqlStore::RaiseGeneration() {
+  uint64_t generation = 0;
+  RIGCAL_RETURN_IF_ERROR(
+      writer_->Transact("taking over", [&](SqlDatabase& database) -> absl::Status {
+        NextNumber(database, kGenerationCounter);
+        generation = ReadGeneration(database);
+        return absl::OkStatus();
+      }));
+  return generation;
 }
 
 }  // namespace rigcal::server

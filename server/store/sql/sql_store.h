@@ -17,7 +17,7 @@
 namespace rigcal::server {
 
 // A store whose records and rows are in the tables of this folder, whatever database has them.
-class SqlStore : public Store {
+class SqlStore : public Store, public ReplicaSource, public ReplicaTarget {
  public:
   // Everything of `source`, its identity too, into this store, which must be empty, in one
   // transaction. Read back and compared by digests of both sides. What was copied, by table.
@@ -65,6 +65,21 @@ class SqlStore : public Store {
   absl::StatusOr<Activation> AddActivation(Activation activation) override;
   absl::StatusOr<std::vector<Activation>> ListActivations(std::string_view rig,
                                                           int limit) const override;
+
+  absl::StatusOr<uint64_t> Generation() const override;
+  absl::StatusOr<ReplicaListing> ListReplica() const override;
+  absl::StatusOr<std::vector<ReplicaDigest>> ReadReplica(
+      ReplicaKind kind, const std::string& id, const std::vector<ReplicaStream>& streams,
+      const std::function<absl::Status(std::vector<ReplicaRows>)>& take) const override;
+
+  absl::StatusOr<std::vector<ReplicaStream>> ReplicaStreams(const std::string& id) const override;
+  absl::StatusOr<std::vector<StreamProgress>> ReplicaProgress(const std::string& id) const override;
+  absl::Status WriteReplica(
+      ReplicaKind kind, const std::string& id, bool anew,
+      const std::function<absl::StatusOr<std::vector<ReplicaDigest>>(const TakeRows&)>& read)
+      override;
+  absl::Status EraseReplica(ReplicaKind kind, const std::string& id) override;
+  absl::StatusOr<uint64_t> RaiseGeneration() override;
 
  protected:
   SqlStore() = default;

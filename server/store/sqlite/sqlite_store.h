@@ -50,6 +50,8 @@ class SqliteStore : public SqlStore {
 
   absl::StatusOr<std::vector<AppendOutcome>> Append(absl::Span<const Delivery> deliveries) override;
   absl::Status Compact(const std::function<absl::Status(double)>& progress) override;
+  ReplicaSource* replica_source() override { return this; }
+  ReplicaTarget* replica_target() override { return this; }
 
  private:
   explicit SqliteStore(const SqliteStoreOptions& options);

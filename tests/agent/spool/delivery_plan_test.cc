@@ -348,5 +348,74 @@ TEST_F(ProtocolFaultTest, SendsFreelyAgainOnceAllIsDelivered) {
   EXPECT_FALSE(plan_.SendsOneAtATime());
 }
 
+TEST_F(DeliveryPlanTest, TellsTheGapOfAStreamThatIsNotHereAnyMore) {
+  Append(kLeft, 5);
+  Finish(kLeft);
+  plan_.SetPosition(kLeft, 0, kNoLimit);
+  EXPECT_THAT(Sent(), ElementsAre("left 1-5", "left end 5"));
+  Acknowledge(kLeft, 5, true);
+  EXPECT_FALSE(spool_.Find(kLeft));
+  // A standby that had only the first three has taken over.
+  plan_.BeginConnection(kBatchRows);
+  plan_.SetPosition(kLeft, 3, kNoLimit);
+  EXPECT_THAT(Sent(), ElementsAre("left dropped 4+2", "left end 5"));
+}
+
+class KeptUntilStandby : public DeliveryPlanTest {
+ protected:
+  bool AcknowledgeAtStandby(uint32_t durable_seq, bool complete = false) {
+    BatchAck ack;
+    ack.stream = kLeft;
+    ack.standby_durable_seq = durable_seq;
+    ack.standby_complete = complete;
+    return kept_.Acknowledge(ack);
+  }
+  void AcknowledgeAtServer(uint32_t durable_seq, bool complete = false) {
+    BatchAck ack;
+    ack.stream = kLeft;
+    ack.durable_seq = durable_seq;
+    ack.complete = complete;
+    kept_.Acknowledge(ack);
+  }
+  std::vector<std::string> SentByKept() {
+    std::vector<std::string> sent;
+    while (auto message = kept_.Next(now_)) sent.push_back(Show(*message));
+    return sent;
+  }
+
+  DeliveryPlan kept_{&spool_, milliseconds(20), /*keeps_until_standby=*/true};
+};
+
+TEST_F(KeptUntilStandby, TheServersAcknowledgementFreesNothing) {
+  Append(kLeft, 5);
+  Finish(kLeft);
+  kept_.BeginConnection(kBatchRows);
+  kept_.SetPosition(kLeft, 0, kNoLimit);
+  EXPECT_THAT(SentByKept(), ElementsAre("left 1-5", "left end 5"));
+  AcknowledgeAtServer(5, true);
+  ASSERT_TRUE(spool_.Find(kLeft));
+  EXPECT_EQ(spool_.Find(kLeft)->row_count, 5u);
+  AcknowledgeAtStandby(3);
+  EXPECT_EQ(spool_.Find(kLeft)->row_count, 2u);
+  // All rows, but not the end.
+  AcknowledgeAtStandby(5);
+  EXPECT_TRUE(spool_.Find(kLeft));
+  AcknowledgeAtStandby(5, true);
+  EXPECT_FALSE(spool_.Find(kLeft));
+}
+
+TEST_F(KeptUntilStandby, SendsAgainWhatTheStandbyDoesNotHave) {
+  Append(kLeft, 5);
+  kept_.BeginConnection(kBatchRows);
+  kept_.SetPosition(kLeft, 0, kNoLimit);
+  EXPECT_THAT(SentByKept(), ElementsAre("left 1-5"));
+  AcknowledgeAtServer(5);
+  AcknowledgeAtStandby(2);
+  // It has taken over, with one row more than it could say.
+  kept_.BeginConnection(kBatchRows);
+  kept_.SetPosition(kLeft, 3, kNoLimit);
+  EXPECT_THAT(SentByKept(), ElementsAre("left 4-5"));
+}
+
 }  // namespace
 }  // namespace rigcal::agent::delivery_plan_test

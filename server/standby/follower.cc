@@ -151,7 +151,15 @@ absl::StatusOr<ChangesAnswer> Follower::Ask() {
 }
 
 absl::Status Follower::Round() {
-  RIGCAL_ASSIGN_OR_RETURN(const ChangesAnswer answer, Ask());
+  const absl::StatusOr<ChangesAnswer> asked = Ask();
+  if (absl::IsFailedPrecondition(asked.status()) && role_.role != RoleOfData::kStandby) {
+    // It has data of its own, which it must not serve meanwhile either.
+    const std::lock_guard lock(mutex_);
+    refused_ = asked.status();
+    changed_.notify_all();
+  }
+  if (!asked.ok()) return asked.status();
+  const ChangesAnswer& answer = *asked;
   if (answer.all) {
     const absl::Status own = CheckOwnData(answer);
     const std::lock_guard lock(mutex_);

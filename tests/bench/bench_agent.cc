@@ -64,34 +64,14 @@ v1::ConnectRequest WorldBatch(const LoadOptions& options, int agent, uint32_t fi
   return message;
 }
 
-v1::ConnectRequest Batch(const LoadOptions& options, int agent) {
-  v1::ConnectRequest message;
-  v1::ObservationBatch* batch = message.mutable_batch();
-  batch->set_session_id(options.session_id);
-  batch->set_camera(BenchCameraName(agent));
-  batch->set_stream_epoch(1);
-  batch->set_marker_count(3);
-  for (int row = 0; row < options.rows_per_message; ++row) {
-    batch->add_time_ns(0);
-    batch->add_visible_mask(7);
-    for (int marker = 0; marker < 3; ++marker) {
-      batch->add_x_px(100.25f + static_cast<float>(row + 30 * marker));
-      batch->add_y_px(200.75f + static_cast<float>(row));
-      batch->add_cov_xx_px2(0.09f);
-      batch->add_cov_xy_px2(0.0f);
-      batch->add_cov_yy_px2(0.09f);
-      batch->add_label_confidence(0.9f);
-    }
-  }
-  batch->add_centre_kind(v1::CENTRE_KIND_SPHERE_CENTRE);
-  return message;
-}
-
 // One agent: a writing and a reading thread over one stream.
 class BenchAgent {
  public:
   BenchAgent(const LoadOptions& options, int agent) : options_(options), agent_(agent) {
-    if (options.world == nullptr) message_ = Batch(options, agent);
+    if (options.world == nullptr) {
+      message_ = BenchBatch(agent, options.rows_per_message);
+      message_.mutable_batch()->set_session_id(options.session_id);
+    }
     grpc::ChannelArguments arguments;
     arguments.SetInt("grpc.use_local_subchannel_pool", 1);
     channel_ =
@@ -123,7 +103,11 @@ class BenchAgent {
 
  private:
   void WriteAll() {
-    const Clock::time_point begin = Clock::now();
+    Clock::time_point begin = Clock::now();
+    if (options_.in_turn) {
+      begin += std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+          agent_ * options_.rows_per_message / options_.rows_per_s / options_.agents));
+    }
     for (uint32_t seq = 1; seq <= options_.rows_per_agent;
          seq += static_cast<uint32_t>(options_.rows_per_message)) {
       MakeMessage(seq);
@@ -223,6 +207,28 @@ class BenchAgent {
 };
 
 }  // namespace
+
+v1::ConnectRequest BenchBatch(int agent, int rows) {
+  v1::ConnectRequest message;
+  v1::ObservationBatch* batch = message.mutable_batch();
+  batch->set_camera(BenchCameraName(agent));
+  batch->set_stream_epoch(1);
+  batch->set_marker_count(3);
+  for (int row = 0; row < rows; ++row) {
+    batch->add_time_ns(0);
+    batch->add_visible_mask(7);
+    for (int marker = 0; marker < 3; ++marker) {
+      batch->add_x_px(100.25f + static_cast<float>(row + 30 * marker));
+      batch->add_y_px(200.75f + static_cast<float>(row));
+      batch->add_cov_xx_px2(0.09f);
+      batch->add_cov_xy_px2(0.0f);
+      batch->add_cov_yy_px2(0.09f);
+      batch->add_label_confidence(0.9f);
+    }
+  }
+  batch->add_centre_kind(v1::CENTRE_KIND_SPHERE_CENTRE);
+  return message;
+}
 
 std::string BenchAgentId(int agent) { return absl::StrCat("bench-agent-", agent); }
 std::string BenchCameraName(int agent) { return absl::StrCat("bench_", agent); }

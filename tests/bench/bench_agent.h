@@ -13,6 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/simulation/world/simulated_world.h"
+#include "rigcal/v1/ingest_service.pb.h"
 
 namespace rigcal::bench {
 
@@ -24,6 +25,9 @@ struct LoadOptions {
   int rows_per_message = 16;
   uint32_t rows_per_agent = 100'000;
   double rows_per_s = 0;  // of each agent; 0: as fast as credits allow
+  // Paced agents send one after the other within their period; false: all at once, as cameras with
+  // one trigger.
+  bool in_turn = false;
   uint32_t window = 32768;
   // Of one agent; unset: none.
   std::function<std::shared_ptr<grpc::ChannelCredentials>(const std::string& agent_id)>
@@ -52,6 +56,8 @@ struct LoadResult {
 absl::StatusOr<LoadResult> RunLoad(const LoadOptions& options,
                                    const std::function<absl::Status()>& start);
 
+// Rows of a made up camera, as its agent sends them; without a session.
+v1::ConnectRequest BenchBatch(int agent, int rows);
 // "bench-agent-<agent>".
 std::string BenchAgentId(int agent);
 // "bench_<agent>".

@@ -29,6 +29,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "agent/capture/observation_source.h"
 #include "agent/spool/disk/disk_spool.h"
 #include "agent/spool/memory_spool.h"
@@ -36,6 +37,7 @@
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 #include "common/wire/camera_wire.h"
+#include "server/listen/descriptor_limit.h"
 #include "tests/bench/bench_agent.h"
 #include "tests/bench/suites.h"
 #include "tests/testing/postgres_cluster.h"
@@ -48,6 +50,7 @@
 namespace rigcal::bench::ingest_bench {
 namespace {
 
+namespace fs = std::filesystem;
 using testing::CpuSeconds;
 using testing::Process;
 using testing::ServerClient;
@@ -163,26 +166,39 @@ absl::Status CreateBenchSession(ServerClient& client) {
   return client.CreateSession(request).status();
 }
 
+// Every row is stored, and none was refused.
+absl::Status CheckStored(ServerClient& client, const std::string& session_id, uint64_t rows) {
+  RIGCAL_ASSIGN_OR_RETURN(const v1::Session session, client.GetSession(session_id));
+  if (session.observation_count() == rows) return absl::OkStatus();
+  return absl::DataLossError(
+      absl::StrCat(session.observation_count(), " of ", rows, " rows are stored"));
+}
+
 struct IngestOptions {
   double rows_per_s = 0;  // of each agent; 0: as fast as it is taken
   bool tls = false;
   bool postgresql = false;
+  double seconds = 4;    // of a paced load
+  bool in_turn = false;  // as LoadOptions
 };
 
 void RunIngest(benchmark::State& state, const IngestOptions& options) {
-  const auto [rows_per_s, tls, postgresql] = options;
+  const auto [rows_per_s, tls, postgresql, seconds, in_turn] = options;
   std::vector<Measured> runs;
   for (auto _ : state) {
     const TemporaryDirectory directory;
     const testing::TestCa ca;
-    if (tls) ca.WriteServerFolder(directory.path() / "identity", ca.MakeServer());
+    if (tls) ca.WriteServerFolder(directory.path() / "data" / "identity", ca.MakeServer());
     std::unique_ptr<testing::PostgresCluster> cluster;
-    std::vector<std::string> store;
+    // All agents come from one address.
+    const fs::path config = directory.path() / "server.toml";
+    std::ofstream(config) << "[limits]\nmax_connections_per_address = 1024\n";
+    std::vector<std::string> more = {"--config", config.string()};
     if (postgresql) {
       cluster = std::make_unique<testing::PostgresCluster>(testing::PostgresCluster::Options{});
-      store = {"--store", cluster->Url(cluster->CreateDatabase())};
+      more.insert(more.end(), {"--store", cluster->Url(cluster->CreateDatabase())});
     }
-    ServerProcess server(directory.path(), 0, {}, store);
+    ServerProcess server(directory.path() / "data", 0, {}, more);
     ServerClient client(server.address());
     LoadOptions load = Load(state, server.address());
     if (tls) {
@@ -195,7 +211,8 @@ void RunIngest(benchmark::State& state, const IngestOptions& options) {
     }
     if (rows_per_s > 0) {
       load.rows_per_s = rows_per_s;
-      load.rows_per_agent = static_cast<uint32_t>(4 * rows_per_s) /
+      load.in_turn = in_turn;
+      load.rows_per_agent = static_cast<uint32_t>(seconds * rows_per_s) /
                             static_cast<uint32_t>(load.rows_per_message) *
                             static_cast<uint32_t>(load.rows_per_message);
     }
@@ -205,6 +222,11 @@ void RunIngest(benchmark::State& state, const IngestOptions& options) {
     });
     if (!result.ok()) {
       state.SkipWithError((result.status().ToString() + server.process().StandardError()).c_str());
+      break;
+    }
+    if (const absl::Status stored = CheckStored(client, load.session_id, result->rows);
+        !stored.ok()) {
+      state.SkipWithError(stored.ToString().c_str());
       break;
     }
     state.SetIterationTime(result->duration_s);
@@ -370,6 +392,18 @@ void IngestManyPostgres(benchmark::State& state) {
   RunIngest(state, {.rows_per_s = kManyRowsPerS, .postgresql = true});
 }
 
+// 500 cameras of 50 frames/s, an agent and a connection each, a message for each frame: 25 000
+// messages/s. In turn, and with one trigger for all.
+void IngestFleet(benchmark::State& state) {
+  RunIngest(state, {.rows_per_s = 50, .seconds = 10, .in_turn = true});
+}
+void IngestFleetPostgres(benchmark::State& state) {
+  RunIngest(state, {.rows_per_s = 50, .postgresql = true, .seconds = 10, .in_turn = true});
+}
+void IngestFleetAtOnce(benchmark::State& state) {
+  RunIngest(state, {.rows_per_s = 50, .seconds = 10});
+}
+
 using Run = void (*)(benchmark::State&);
 
 void RegisterLoad(const char* name, Run run, const std::vector<int64_t>& load, int runs) {
@@ -393,8 +427,13 @@ void Register() {
   if (testing::PostgresCluster::Installed()) {
     RegisterLoad("ingest/IngestPostgres", IngestPostgres, {16, 16}, 5);
     RegisterLoad("ingest/IngestManyPostgres", IngestManyPostgres, {16, 16}, 1);
+    RegisterLoad("ingest/IngestFleetPostgres", IngestFleetPostgres, {500, 1}, 1);
   }
+  RegisterBareInsert();
   RegisterLoad("ingest/IngestMany", IngestMany, {16, 16}, 1);
+  server::RaiseDescriptorLimit();
+  RegisterLoad("ingest/IngestFleet", IngestFleet, {500, 1}, 1);
+  RegisterLoad("ingest/IngestFleetAtOnce", IngestFleetAtOnce, {500, 1}, 1);
   benchmark::RegisterBenchmark("ingest/DrainDiskSpool", Drain)
       ->Iterations(8)
       ->UseManualTime()

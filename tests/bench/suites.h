@@ -35,6 +35,8 @@ Suite CalibrateSuite();
 Suite DetectSuite();
 Suite EventSuite();
 Suite IngestSuite();
+// Its part without a server of ours.
+void RegisterBareInsert();
 Suite LiveSuite();
 Suite RecordedSuite();
 Suite SolveSuite();

@@ -130,7 +130,7 @@ class ForgottenOnAcknowledgement : public WithStandby {
   ForgottenOnAcknowledgement() : WithStandby({}) {}
 };
 
-// A spool on the disk often has acknowledged rows for a while, and sends them again.
+// Spools have acknowledged rows for a while, that on the disk for longer, and send them again.
 class ForgottenAtOnce : public WithStandby {
  protected:
   ForgottenAtOnce() : WithStandby({"--spool", "memory"}) {}
@@ -141,7 +141,8 @@ TEST_F(ForgottenAtOnce, WhatTheStandbyDidNotHaveIsNamed) {
   Begin();
   WaitForRows(90);
   Kill(&standby_);
-  WaitForRows(240);
+  // The spool frees 256 rows of a camera at a time.
+  WaitForRows(1800);
   const int port = server_->port();
   Kill(&server_);
   const CommandResult promoted =

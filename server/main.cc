@@ -644,7 +644,7 @@ absl::StatusOr<End> Serve(ServerConfig& config, const Flags& flags) {
 }
 
 // Again and again where several servers of one database take turns.
-absl::Status ServeInTurns(ServerConfig config, const Flags& flags) {
+absl::Status ServeInTurns(ServerConfig& config, const Flags& flags) {
   while (true) {
     const absl::StatusOr<End> end = Serve(config, flags);
     if (end.ok() && *end == End::kStopped) return absl::OkStatus();
@@ -660,7 +660,7 @@ StandbyServerOptions StandbyPorts(const ServerConfig& config,
 }
 
 // As what the data folder says that it is: a server, a standby, or one that was replaced.
-absl::Status ServeInRole(const ServerConfig& config, const Flags& flags) {
+absl::Status ServeInRole(ServerConfig config, const Flags& flags) {
   sigset_t wake;
   sigemptyset(&wake);
   sigaddset(&wake, SIGRTMIN);

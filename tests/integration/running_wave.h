@@ -125,7 +125,10 @@ class RunningWave : public ::testing::Test {
     ASSERT_TRUE(WaitFor([&] { return StoredCount(active) >= enough; }))
         << agents_[0]->StandardError();
     ServerClient client(active);
-    ASSERT_THAT(client.StopSession("wave", 60), IsOk());
+    // A database that is starting refuses for some seconds.
+    absl::Status stopped;
+    ASSERT_TRUE(WaitFor([&] { return (stopped = client.StopSession("wave", 60).status()).ok(); }))
+        << stopped;
     const auto finished = client.WaitUntilFinished("wave");
     ASSERT_THAT(finished, IsOk()) << agents_[0]->StandardError();
     EXPECT_EQ(finished->missing_cameras_size(), 0);

@@ -113,13 +113,14 @@ void Iteration(benchmark::State& state, const server::LineBundleKernel* kernel, 
                int instants) {
   const BundleScene scene = MakeScene(cameras, instants, false);
   const BundleOptions options;
-  server::LineBundleLayout layout = server::LayOut(scene.initial);
-  const server::PackedMarkers packed = server::Pack(scene.initial, &layout);
+  const server::LineBundleLayout layout = server::LayOut(scene.initial);
+  const server::PackedMarkers packed = server::Pack(scene.initial, layout);
   server::LineBundleSystem system(options, layout, packed, *kernel);
   const server::LineBundleEstimate estimate(scene.initial, layout, packed);
   server::LineBundleEstimate moved(scene.initial, layout, packed);
   for (auto _ : state) {
-    if (!system.Linearise(estimate, 1e-4, false) || !system.Solve(estimate, &moved).valid) std::exit(1);
+    if (!system.Linearise(estimate, 1e-4, false) || !system.Solve(estimate, &moved).valid)
+      std::exit(1);
   }
 }
 

@@ -2,45 +2,46 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
+
+#include "server/solve/bundle/envelope_matrix.h"
 
 namespace rigcal::server {
 
 // Cholesky factor of a symmetric positive definite matrix. In a large rig a camera shares instants
-// with few others, and most of the reduced matrix is zero: rows and columns are then reordered so
-// that what is not zero lies near the diagonal, and of each row only what lies between its first
-// element that is not zero and the diagonal is kept and computed, by blocks of rows: the factor
-// is zero elsewhere (George and Liu 1981, Computer Solution of Large Sparse Positive Definite
-// Systems, chapter 4: reverse Cuthill-McKee order, envelope method). A matrix that is small, or of
-// which little is zero, is factorised as it is, by Eigen's LLT. Which of both follows from the
-// matrix alone.
+// with few others, and most of the reduced matrix is zero; with the cameras in a good order
+// (camera_order.h) what is not zero lies near the diagonal. The factor is zero outside of the
+// matrix's envelope, too, and only what lies within is computed, by blocks of rows (George and Liu
+// 1981, Computer Solution of Large Sparse Positive Definite Systems, chapter 4). A matrix that is
+// kept whole is factorised by Eigen's LLT.
 class EnvelopeCholesky {
  public:
+  explicit EnvelopeCholesky(EnvelopeMatrix matrix);
   // n x n, lower triangle.
-  explicit EnvelopeCholesky(const Eigen::Ref<const Eigen::MatrixXd>& lower);
+  explicit EnvelopeCholesky(const Eigen::Ref<const Eigen::MatrixXd>& lower)
+      : EnvelopeCholesky(EnvelopeMatrix(lower)) {}
 
   // The matrix is positive definite. Everything else needs that.
   bool ok() const { return ok_; }
-  bool is_reordered() const { return !order_.empty(); }
-  Eigen::Index size() const { return size_; }
+  bool IsWhole() const { return factor_.IsWhole(); }
+  Eigen::Index size() const { return factor_.size(); }
 
+  // The right sides, n x m, by the factor L alone: their products with each other are then those
+  // with the inverse in between.
+  void SolveLowerInPlace(Eigen::MatrixXd* right) const;
   // Of one or several right sides, n x m.
   void SolveInPlace(Eigen::MatrixXd* right) const;
   Eigen::VectorXd Solve(const Eigen::VectorXd& right) const;
   Eigen::MatrixXd Inverse() const;
+  // The inverse within the matrix's envelope (all of it, where the matrix is whole), without what
+  // lies outside: Takahashi, Fagan and Chin 1973, "Formation of a sparse bus impedance matrix and
+  // its application to short circuit study". Costs about as much as the factor.
+  EnvelopeMatrix InverseWithin() const;
 
  private:
-  bool Order(const Eigen::Ref<const Eigen::MatrixXd>& lower);
-  void Fill(const Eigen::Ref<const Eigen::MatrixXd>& lower);
-  void Factorise();
-  Eigen::Index Count(size_t block) const;
+  bool Factorise();
 
-  Eigen::Index size_ = 0;
+  EnvelopeMatrix factor_;
   bool ok_ = false;
-  Eigen::MatrixXd whole_;              // the factor, where the matrix is not reordered
-  std::vector<Eigen::Index> order_;    // row of the matrix at each place; empty: not reordered
-  std::vector<Eigen::Index> first_;    // by block of rows: place of its first column
-  std::vector<Eigen::MatrixXd> rows_;  // by block of rows: columns first_ to its diagonal
 };
 
 }  // namespace rigcal::server

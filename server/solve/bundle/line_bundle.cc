@@ -86,7 +86,7 @@ class Solver {
   Solver(const BundleOptions& options, const BundleProblem& problem)
       : options_(options),
         layout_(LayOut(problem)),
-        packed_(Pack(problem, &layout_)),
+        packed_(Pack(problem, layout_)),
         system_(options, layout_, packed_, BestLineBundleKernel()),
         estimate_(problem, layout_, packed_),
         moved_(problem, layout_, packed_),
@@ -207,8 +207,7 @@ absl::StatusOr<ReducedInformation> ComputeReducedInformation(const BundleOptions
                                                              const BundleProblem& problem) {
   const auto compute = [&problem](Solver& solver) -> absl::StatusOr<ReducedInformation> {
     if (!solver.system().Linearise(solver.estimate(), 0, false)) return UnseenMarker(problem);
-    return ReducedInformation{solver.layout().parameters,
-                              solver.system().matrix().selfadjointView<Eigen::Lower>(),
+    return ReducedInformation{solver.layout().parameters, solver.system().matrix().Symmetric(),
                               solver.system().reduced_gradient()};
   };
   return WithSolver<ReducedInformation>(options, problem, compute);

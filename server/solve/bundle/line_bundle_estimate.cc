@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/solve/bundle/envelope_matrix.h"
+
 namespace rigcal::server {
 namespace {
 
@@ -130,7 +132,8 @@ Eigen::Vector3d LineBundleEstimate::Difference(const ReducedDistance& distance) 
   return centre(distance.camera_b) - centre(distance.camera_a);
 }
 
-void LineBundleEstimate::AddDistance(const ReducedDistance& distance, Eigen::MatrixXd* matrix,
+template <typename Matrix>
+void LineBundleEstimate::AddDistance(const ReducedDistance& distance, Matrix* matrix,
                                      Eigen::VectorXd* gradient) const {
   const Eigen::Vector3d difference = Difference(distance);
   const double length = difference.norm();
@@ -159,7 +162,8 @@ void LineBundleEstimate::AddDistance(const ReducedDistance& distance, Eigen::Mat
   }
 }
 
-void LineBundleEstimate::AddPriors(Eigen::MatrixXd* matrix, Eigen::VectorXd* gradient) const {
+template <typename Matrix>
+void LineBundleEstimate::AddPriors(Matrix* matrix, Eigen::VectorXd* gradient) const {
   if (layout_->distance) AddDistance(*layout_->distance, matrix, gradient);
   for (const ReducedPrior& prior : layout_->priors) {
     const double residual = PriorResidual(prior);
@@ -172,6 +176,9 @@ void LineBundleEstimate::AddPriors(Eigen::MatrixXd* matrix, Eigen::VectorXd* gra
     (*matrix)(std::max(prior.plus, prior.minus), std::min(prior.plus, prior.minus)) -= information;
   }
 }
+
+template void LineBundleEstimate::AddPriors(Eigen::MatrixXd*, Eigen::VectorXd*) const;
+template void LineBundleEstimate::AddPriors(EnvelopeMatrix*, Eigen::VectorXd*) const;
 
 double LineBundleEstimate::ReducedNorm2() const {
   double norm2 = 0;

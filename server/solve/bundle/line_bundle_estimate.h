@@ -23,8 +23,9 @@ class LineBundleEstimate {
   // Becomes `from` with the reduced parameters stepped; the poses stay what they are.
   void MoveReduced(const LineBundleEstimate& from, const Eigen::VectorXd& step);
   double PriorCost() const;
-  // Adds the priors' part, lower triangle.
-  void AddPriors(Eigen::MatrixXd* matrix, Eigen::VectorXd* gradient) const;
+  // Adds the priors' part, lower triangle. Of an Eigen::MatrixXd or an EnvelopeMatrix.
+  template <typename Matrix>
+  void AddPriors(Matrix* matrix, Eigen::VectorXd* gradient) const;
   double ReducedNorm2() const;
   void Store(const PackedMarkers& packed, BundleProblem* problem) const;
 
@@ -36,7 +37,8 @@ class LineBundleEstimate {
   double PriorResidual(const ReducedPrior& prior) const;
   // From the centre of camera a to that of b.
   Eigen::Vector3d Difference(const ReducedDistance& distance) const;
-  void AddDistance(const ReducedDistance& distance, Eigen::MatrixXd* matrix,
+  template <typename Matrix>
+  void AddDistance(const ReducedDistance& distance, Matrix* matrix,
                    Eigen::VectorXd* gradient) const;
   void RefreshViews();
 

@@ -43,15 +43,12 @@ struct KernelEntry {
 };
 
 // Which derivatives of a view are free and their columns. Base columns are ViewUnknowns, in their
-// order. Columns that several entries of one group can reach are shared: added
-// to instead of set.
+// order.
 struct KernelColumns {
   int pose = -1;  // first of rotation vector (3, left, in the camera's frame) and translation (3)
-  bool pose_shared = false;
   int base_count = 0;
   int base_kind[kMaxBaseColumns] = {};  // of ViewUnknowns
   int base_column[kMaxBaseColumns] = {};
-  bool base_shared[kMaxBaseColumns] = {};
   bool any_intrinsic = false;
 
   int pose_count() const { return pose < 0 ? 0 : 6; }
@@ -66,8 +63,7 @@ struct KernelInput {
   int column_count = 0;     // n; column n of the accumulated system is the gradient
   int spacing_column = -1;  // of marker 1; -1: fixed
   int group_count = 0;
-  int batch_groups = 1;  // room for so many groups in the coupling
-  int view_count = 0;
+  int batch_groups = 1;                    // room for so many groups in the coupling
   const KernelColumns* columns = nullptr;  // by view
   const KernelEntry* entries = nullptr;    // by group, by view within a group
   const uint32_t* first_entry = nullptr;   // by group, group_count + 1
@@ -111,23 +107,32 @@ struct KernelLinearisation {
   double gradient_max = 0;  // of the instants
 };
 
+// A run of groups [first, last), and the tiles of columns that they reach.
+struct KernelBatch {
+  int first = 0;
+  int last = 0;
+  int tile_count = 0;
+  const int* tiles = nullptr;       // ascending
+  const uint64_t* masks = nullptr;  // by tile of `tiles`; bit k: instant k of the batch reaches it
+  const int* places = nullptr;      // by tile of columns: where in `tiles`, if it is there
+};
+
 struct LineBundleKernel {
   const char* name;
 
-  // Linearises groups [first, last) of one batch at `estimate`. Writes `factors`, adds to
-  // `view_sums` (per view: lower triangle of its local columns, lanes) and fills `coupling`: for
-  // each tile of columns, each group of a batch: [column][instant column][lane].
-  void (*linearise)(const KernelInput& input, const KernelEstimate& estimate, double damping,
-                    int first, int last, double* factors, double* const* view_sums,
-                    double* coupling, KernelLinearisation* result);
+  // Linearises a batch at `estimate`. Writes `factors`, adds to `view_sums` (per view: lower
+  // triangle of its local columns, lanes) and fills `coupling`: for each tile of the batch, each
+  // group: [column][instant column][lane].
+  void (*linearise)(const KernelInput& input, const KernelBatch& batch,
+                    const KernelEstimate& estimate, double damping, double* factors,
+                    double* const* view_sums, double* coupling, KernelLinearisation* result);
   // Multiplies the coupling with the inverse Cholesky factors and turns it to
   // [lane][instant column][column].
-  void (*whiten)(const KernelInput& input, int first, int last, const double* factors,
+  void (*whiten)(const KernelInput& input, const KernelBatch& batch, const double* factors,
                  double* coupling);
-  // tiles (lower triangle by rows of tiles, each row by row) -= coupling^T coupling. Bit k of
-  // masks[tile]: instant k of the batch reaches the tile.
-  void (*eliminate)(int tile_count, int group_count, const uint64_t* masks, const double* coupling,
-                    double* tiles);
+  // tiles -= coupling^T coupling. Tile (i, j), i >= j, is number rows[i] + j, each row by row.
+  void (*eliminate)(const KernelInput& input, const KernelBatch& batch, const std::ptrdiff_t* rows,
+                    const double* coupling, double* tiles);
   // Steps the instants of all groups given the step of the reduced parameters, and evaluates the
   // cost at the new estimates (`moved`, whose poses are written).
   void (*step)(const KernelInput& input, const KernelEstimate& estimate, double damping,

@@ -5,6 +5,8 @@
 #include <map>
 #include <utility>
 
+#include "server/solve/bundle/camera_order.h"
+
 namespace rigcal::server {
 namespace {
 
@@ -104,29 +106,47 @@ LineBundleLayout LayOut(const BundleProblem& problem) {
                         layout.ViewIndex(observation.camera, observation.clock) = 0;
                       });
   }
+  const CameraOrder order = OrderCameras(problem);
+  std::vector<int> cameras_of_clock(clock_count, 0);
+  for (const int camera : order.cameras) {
+    for (size_t clock = 0; clock < clock_count; ++clock) {
+      int& index = layout.ViewIndex(camera, static_cast<int>(clock));
+      if (index < 0) continue;
+      index = static_cast<int>(layout.views.size());
+      layout.views.push_back({camera, static_cast<int>(clock)});
+      ++cameras_of_clock[clock];
+    }
+  }
   std::map<int, CameraColumns> cameras;
   std::map<int, std::pair<int, int>> clocks;
-  for (size_t view = 0; view < layout.view_index.size(); ++view) {
-    if (layout.view_index[view] < 0) continue;
-    layout.view_index[view] = static_cast<int>(layout.views.size());
-    const int camera = static_cast<int>(view / clock_count);
-    const int clock = static_cast<int>(view % clock_count);
-    const BundleCamera& source = problem.cameras[static_cast<size_t>(camera)];
-    if (!cameras.contains(camera)) cameras[camera] = AppendCamera(source, camera, &layout);
-    if (!clocks.contains(clock)) {
-      clocks[clock] = AppendClock(problem.clocks[static_cast<size_t>(clock)], clock, &layout);
+  const auto append_clock = [&](int clock) {
+    if (clocks.contains(clock)) return;
+    clocks[clock] = AppendClock(problem.clocks[static_cast<size_t>(clock)], clock, &layout);
+  };
+  std::vector<int> late;  // clocks that would tie cameras far apart to each other
+  for (const LineBundleLayout::View& view : layout.views) {
+    if (!cameras.contains(view.camera)) {
+      const BundleCamera& camera = problem.cameras[static_cast<size_t>(view.camera)];
+      cameras[view.camera] = AppendCamera(camera, view.camera, &layout);
     }
+    if (order.is_sparse && cameras_of_clock[static_cast<size_t>(view.clock)] > 1) {
+      late.push_back(view.clock);
+    } else {
+      append_clock(view.clock);
+    }
+  }
+  for (const int clock : late) append_clock(clock);
+  for (const LineBundleLayout::View& view : layout.views) {
     KernelColumns columns;
-    columns.pose = cameras[camera].pose;
-    AddBase(ViewUnknowns::kOffset, clocks[clock].first, &columns);
-    AddBase(ViewUnknowns::kRate, clocks[clock].second, &columns);
-    AddBase(ViewUnknowns::kLineDelay, cameras[camera].line_delay, &columns);
+    columns.pose = cameras[view.camera].pose;
+    AddBase(ViewUnknowns::kOffset, clocks[view.clock].first, &columns);
+    AddBase(ViewUnknowns::kRate, clocks[view.clock].second, &columns);
+    AddBase(ViewUnknowns::kLineDelay, cameras[view.camera].line_delay, &columns);
     for (int i = 0; i < kMaxIntrinsics; ++i) {
-      const int column = cameras[camera].intrinsics[static_cast<size_t>(i)];
+      const int column = cameras[view.camera].intrinsics[static_cast<size_t>(i)];
       columns.any_intrinsic = columns.any_intrinsic || column >= 0;
       AddBase(ViewUnknowns::kFirstIntrinsic + i, column, &columns);
     }
-    layout.views.push_back({camera, clock});
     layout.columns.push_back(columns);
   }
   AppendTarget(problem.target, &layout);

@@ -27,8 +27,9 @@ struct ReducedDistance {
   double inverse_sigma = 0;
 };
 
-// The free parameters besides the instants, in columns: camera by camera its pose, its
-// intrinsics, its line delay and the clocks it is the first to use, then the marker positions.
+// The free parameters besides the instants, in columns: camera by camera (camera_order.h) its pose,
+// its intrinsics, its line delay and the clocks it is the first to use, then the marker positions.
+// In a large sparse rig, clocks of several cameras come after the cameras.
 struct LineBundleLayout {
   struct View {
     int camera = 0;

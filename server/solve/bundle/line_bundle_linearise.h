@@ -100,26 +100,27 @@ struct CouplingWriter {
   const double* rotation;
   Vec3 tangent[2];  // in the camera's frame
   double* coupling;
+  const int* places;
   int group_count, group;
 
   RIGCAL_INLINE double* At(int column) const {
-    const size_t tile = static_cast<size_t>(column / kTileSize);
+    const size_t tile = static_cast<size_t>(places[column / kTileSize]);
     const size_t block =
         (tile * static_cast<size_t>(group_count) + static_cast<size_t>(group)) * kTileSize +
         static_cast<size_t>(column % kTileSize);
     return coupling + block * kInstantColumns * kLanes;
   }
-  RIGCAL_INLINE void Zero(int column) const {
-    double* const to = At(column);
-    for (int r = 0; r < kInstantColumns; ++r) Store(Lanes(0.0), to + r * kLanes);
+  RIGCAL_INLINE void ZeroTile(int tile) const {
+    double* const to = At(tile * kTileSize);
+    for (int i = 0; i < kTileSize * kInstantColumns; ++i) Store(Lanes(0.0), to + i * kLanes);
   }
-  RIGCAL_INLINE void Write(int column, bool shared, const Vec3& n0, const Vec3& n1) const {
+  RIGCAL_INLINE void Add(int column, const Vec3& n0, const Vec3& n1) const {
     const Vec3 origin = TransposedTimes(rotation, n0);
     Lanes rows[kInstantColumns] = {origin.x, origin.y, origin.z, Dot(tangent[0], n1),
                                    Dot(tangent[1], n1)};
     double* const to = At(column);
     for (int r = 0; r < kInstantColumns; ++r) {
-      Store(shared ? Load(to + r * kLanes) + rows[r] : rows[r], to + r * kLanes);
+      Store(Load(to + r * kLanes) + rows[r], to + r * kLanes);
     }
   }
 };
@@ -184,9 +185,8 @@ void AddReducedBlocks(const KernelInput& input, const KernelColumns& columns, En
         AddTo(view_sums, 3 + i, 3 + j, Component(sums->m0.Column(i), j));
       }
       for (int j = 0; j < 3; ++j) AddTo(view_sums, 3 + j, i, Component(rot0[i], j));
-      writer.Write(columns.pose + i, columns.pose_shared, rot0[i], rot1[i]);
-      writer.Write(columns.pose + 3 + i, columns.pose_shared, sums->m0.Column(i),
-                   sums->m1.Column(i));
+      writer.Add(columns.pose + i, rot0[i], rot1[i]);
+      writer.Add(columns.pose + 3 + i, sums->m0.Column(i), sums->m1.Column(i));
     }
   }
   for (int x = 0; x < sums->count; ++x) {
@@ -200,30 +200,10 @@ void AddReducedBlocks(const KernelInput& input, const KernelColumns& columns, En
     }
     for (int y = 0; y <= x; ++y) AddTo(view_sums, pose + x, pose + y, sums->Inner(x, y));
     if (x < base) {
-      writer.Write(columns.base_column[x], columns.base_shared[x], n0, n1);
+      writer.Add(columns.base_column[x], n0, n1);
     } else {
       const int column = x == base ? input.column_count : input.spacing_column + (x - base - 1);
-      writer.Write(column, true, n0, n1);
-    }
-  }
-}
-
-// Columns that no entry of the group sets.
-void ClearCoupling(const KernelInput& input, const KernelEntry* begin, const KernelEntry* end,
-                   int view_count, const CouplingWriter& writer) {
-  writer.Zero(input.column_count);
-  if (input.spacing_column >= 0) {
-    for (int m = 1; m < input.marker_count; ++m) writer.Zero(input.spacing_column + m - 1);
-  }
-  for (int view = 0; view < view_count; ++view) {
-    while (begin != end && begin->view < view) ++begin;
-    const bool seen = begin != end && begin->view == view;
-    const KernelColumns& columns = input.columns[view];
-    if (columns.pose >= 0 && (columns.pose_shared || !seen)) {
-      for (int i = 0; i < 6; ++i) writer.Zero(columns.pose + i);
-    }
-    for (int i = 0; i < columns.base_count; ++i) {
-      if (columns.base_shared[i] || !seen) writer.Zero(columns.base_column[i]);
+      writer.Add(column, n0, n1);
     }
   }
 }
@@ -256,19 +236,21 @@ void Factorise(const Lanes (&v)[15], double damping, const double* gradient, dou
   for (int i = 0; i < 10; ++i) Store(lower[i], factors + (5 + i) * kLanes);
 }
 
-void Linearise(const KernelInput& input, const KernelEstimate& estimate, double damping, int first,
-               int last, double* factors, double* const* view_sums, double* coupling,
+void Linearise(const KernelInput& input, const KernelBatch& batch, const KernelEstimate& estimate,
+               double damping, double* factors, double* const* view_sums, double* coupling,
                KernelLinearisation* result) {
   CostSum cost;
   Lanes gradient_max(0.0);
   EntrySums sums;
-  for (int group = first; group < last; ++group) {
+  for (int group = batch.first; group < batch.last; ++group) {
     input.Load(group);
     const KernelEntry* const begin = input.entries + input.first_entry[group];
     const KernelEntry* const end = input.entries + input.first_entry[group + 1];
     const TargetPose pose = LoadPose(estimate.poses + group * kPoseLanes * kLanes);
-    CouplingWriter writer{nullptr, {}, coupling, input.batch_groups, group - first};
-    ClearCoupling(input, begin, end, input.view_count, writer);
+    CouplingWriter writer{
+        nullptr, {}, coupling, batch.places, input.batch_groups, group - batch.first};
+    // Columns of the batch's tiles that no entry of the group sets stay so.
+    for (int tile = 0; tile < batch.tile_count; ++tile) writer.ZeroTile(batch.tiles[tile]);
     Lanes v[15];
     for (Lanes& value : v) value = Lanes(0.0);
     for (const KernelEntry* entry = begin; entry != end; ++entry) {

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <map>
 #include <new>
 #include <numeric>
 #include <utility>
@@ -95,34 +94,6 @@ class GroupPlacer {
   std::vector<size_t> entry_of_marker_;
 };
 
-// Columns that two entries of one group add to.
-void MarkShared(const PackedMarkers& packed, LineBundleLayout* layout) {
-  // A group clears the columns of the views that it does not have, so columns of several views are
-  // shared even if no group has two of them.
-  std::map<int, int> views_of_camera, views_of_clock;
-  const auto count = [&](const LineBundleLayout::View& view) {
-    ++views_of_camera[view.camera];
-    ++views_of_clock[view.clock];
-  };
-  for (const auto& view : layout->views) count(view);
-  // Entries of a group are sorted by view.
-  for (size_t group = 0; group + 1 < packed.first_entry.size(); ++group) {
-    for (size_t e = packed.first_entry[group] + 1; e < packed.first_entry[group + 1]; ++e) {
-      const int view = packed.entries[e].view;
-      if (packed.entries[e - 1].view == view) count(layout->views[static_cast<size_t>(view)]);
-    }
-  }
-  for (size_t v = 0; v < layout->views.size(); ++v) {
-    KernelColumns& columns = layout->columns[v];
-    columns.pose_shared = views_of_camera[layout->views[v].camera] > 1;
-    for (int i = 0; i < columns.base_count; ++i) {
-      columns.base_shared[i] = columns.base_kind[i] < ViewUnknowns::kLineDelay
-                                   ? views_of_clock[layout->views[v].clock] > 1
-                                   : columns.pose_shared;
-    }
-  }
-}
-
 size_t Doubles(const KernelEntry& entry) {
   return static_cast<size_t>(kGroupSize * (1 + kSlotLanes * __builtin_popcount(entry.slots)));
 }
@@ -192,7 +163,7 @@ void PackedMarkers::Load(int group) const {
   }
 }
 
-PackedMarkers Pack(const BundleProblem& problem, LineBundleLayout* layout, size_t max_bytes) {
+PackedMarkers Pack(const BundleProblem& problem, const LineBundleLayout& layout, size_t max_bytes) {
   PackedMarkers packed;
   packed.marker_count = static_cast<int>(problem.target.marker_positions_m.size());
   for (size_t i = 0; i < problem.instants.size(); ++i) {
@@ -201,7 +172,7 @@ PackedMarkers Pack(const BundleProblem& problem, LineBundleLayout* layout, size_
                       [&any](const BundleObservation&, const BundleMarker&) { any = true; });
     if (any) packed.instants.push_back(static_cast<int>(i));
   }
-  GroupPlacer placer(problem, *layout);
+  GroupPlacer placer(problem, layout);
   const int instant_count = static_cast<int>(packed.instants.size());
   packed.places.reserve(problem.markers.size());
   size_t all = 0, largest = 0;
@@ -222,7 +193,6 @@ PackedMarkers Pack(const BundleProblem& problem, LineBundleLayout* layout, size_
     all += size;
     largest = std::max(largest, size);
   }
-  MarkShared(packed, layout);
   packed.source = &problem;
   packed.data = AlignedBuffer(largest);
   if (all * sizeof(double) <= max_bytes) StoreAll(all, &packed);

@@ -55,9 +55,8 @@ struct PackedMarkers {
   int group_count() const { return static_cast<int>(first_entry.size()) - 1; }
 };
 
-// Marks as shared those columns of the layout that several entries of one group reach. The problem
-// must outlive the result, and its markers must stay as they are.
-PackedMarkers Pack(const BundleProblem& problem, LineBundleLayout* layout,
+// The problem must outlive the result, and its markers must stay as they are.
+PackedMarkers Pack(const BundleProblem& problem, const LineBundleLayout& layout,
                    size_t max_bytes = kMaxPackedBytes);
 
 }  // namespace rigcal::server

@@ -29,14 +29,13 @@ struct Factor {
   }
 };
 
-void Whiten(const KernelInput& input, int first, int last, const double* factors,
+void Whiten(const KernelInput& input, const KernelBatch& batch, const double* factors,
             double* coupling) {
-  const int tiles = input.tile_count();
-  for (int group = first; group < last; ++group) {
+  for (int group = batch.first; group < batch.last; ++group) {
     const Factor factor(factors + group * kFactorLanes * kLanes);
-    for (int tile = 0; tile < tiles; ++tile) {
+    for (int tile = 0; tile < batch.tile_count; ++tile) {
       double* const block =
-          coupling + static_cast<size_t>(tile * input.batch_groups + group - first) *
+          coupling + static_cast<size_t>(tile * input.batch_groups + group - batch.first) *
                          (kTileSize * kInstantColumns * kLanes);
       Lanes whitened[kInstantColumns][kTileSize];
       for (int column = 0; column < kTileSize; ++column) {
@@ -82,15 +81,18 @@ RIGCAL_INLINE void SubtractProduct(const double* left, const double* right, uint
   }
 }
 
-void Eliminate(int tile_count, int group_count, const uint64_t* masks, const double* coupling,
-               double* tiles) {
-  const size_t panel = static_cast<size_t>(group_count) * kLanes * kInstantColumns * kTileSize;
-  for (int i = 0; i < tile_count; ++i) {
-    for (int j = 0; j <= i; ++j, tiles += kTileSize * kTileSize) {
-      const uint64_t mask = masks[i] & masks[j];
+void Eliminate(const KernelInput& input, const KernelBatch& batch, const std::ptrdiff_t* rows,
+               const double* coupling, double* tiles) {
+  const size_t panel =
+      static_cast<size_t>(input.batch_groups) * kLanes * kInstantColumns * kTileSize;
+  for (int i = 0; i < batch.tile_count; ++i) {
+    double* const row = tiles + rows[batch.tiles[i]] * kTileSize * kTileSize;
+    for (int j = 0; j <= i; ++j) {
+      const uint64_t mask = batch.masks[i] & batch.masks[j];
       if (mask == 0) continue;
       SubtractProduct(coupling + static_cast<size_t>(i) * panel,
-                      coupling + static_cast<size_t>(j) * panel, mask, tiles);
+                      coupling + static_cast<size_t>(j) * panel, mask,
+                      row + batch.tiles[j] * kTileSize * kTileSize);
     }
   }
 }

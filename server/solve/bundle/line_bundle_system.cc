@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "server/solve/bundle/envelope_cholesky.h"
 
@@ -30,15 +31,67 @@ std::vector<int> LocalColumns(const KernelInput& input, const KernelColumns& col
   return local;
 }
 
-size_t TileOffset(int row, int column) {
-  const auto r = static_cast<size_t>(row), c = static_cast<size_t>(column);
-  return r * (r + 1) / 2 + c;
+// The reduced matrix, zero: what is coupled by an instant, by a camera or by a prior may differ
+// from that. The target's columns are coupled with all.
+EnvelopeMatrix Envelope(const KernelInput& input, const LineBundleLayout& layout) {
+  std::vector<Eigen::Index> first(static_cast<size_t>(input.column_count));
+  for (size_t i = 0; i < first.size(); ++i) first[i] = static_cast<Eigen::Index>(i);
+  const auto reach = [&first](int row, Eigen::Index column) {
+    Eigen::Index& own = first[static_cast<size_t>(row)];
+    own = std::min(own, column);
+  };
+  std::vector<std::vector<int>> columns_of_view;
+  std::vector<Eigen::Index> least;  // by view
+  for (const KernelColumns& columns : layout.columns) {
+    std::vector<int> own = LocalColumns(input, columns);
+    std::erase_if(own, [&input](int column) {
+      return column == input.column_count ||
+             (input.spacing_column >= 0 && column >= input.spacing_column);
+    });
+    least.push_back(own.empty() ? input.column_count : *std::ranges::min_element(own));
+    columns_of_view.push_back(std::move(own));
+  }
+  for (int group = 0; group < input.group_count; ++group) {
+    for (int lane = 0; lane < kGroupSize; ++lane) {
+      Eigen::Index from = input.column_count;
+      for (const bool takes : {false, true}) {
+        for (uint32_t e = input.first_entry[group]; e < input.first_entry[group + 1]; ++e) {
+          const KernelEntry& entry = input.entries[e];
+          if ((entry.lanes >> lane & 1u) == 0) continue;
+          const auto view = static_cast<size_t>(entry.view);
+          from = std::min(from, least[view]);
+          if (!takes) continue;
+          for (const int column : columns_of_view[view]) reach(column, from);
+        }
+      }
+    }
+  }
+  if (input.spacing_column >= 0) {
+    for (int column = input.spacing_column; column < input.column_count; ++column) reach(column, 0);
+  }
+  for (const ReducedPrior& prior : layout.priors) {
+    if (prior.minus >= 0)
+      reach(std::max(prior.plus, prior.minus), std::min(prior.plus, prior.minus));
+  }
+  if (layout.distance && layout.distance->pose_a >= 0 && layout.distance->pose_b >= 0) {
+    const auto [a, b] = std::minmax(layout.distance->pose_a, layout.distance->pose_b);
+    for (int i = 0; i < 6; ++i) reach(b + i, a);
+  }
+  return EnvelopeMatrix(first);
 }
 
-// Element of the tiled lower triangle, row >= column.
-double TileElement(const double* tiles, int row, int column) {
-  return tiles[TileOffset(row / kTileSize, column / kTileSize) * kTileSize * kTileSize +
-               static_cast<size_t>(row % kTileSize * kTileSize + column % kTileSize)];
+TileRows RowsOfTiles(const EnvelopeMatrix& matrix) {
+  TileRows tiles;
+  const auto columns = static_cast<int>(matrix.size());
+  for (int row = 0; row <= columns / kTileSize; ++row) {
+    const int last = (row + 1) * kTileSize - 1;
+    // The row that has the gradient is whole.
+    const int first =
+        last < columns ? static_cast<int>(matrix.FirstOf(matrix.BlockOf(last))) / kTileSize : 0;
+    tiles.rows.push_back(static_cast<std::ptrdiff_t>(tiles.count) - first);
+    tiles.count += static_cast<size_t>(row - first + 1);
+  }
+  return tiles;
 }
 
 double SumLanes(const double* lanes) {
@@ -46,16 +99,16 @@ double SumLanes(const double* lanes) {
          ((lanes[4] + lanes[5]) + (lanes[6] + lanes[7]));
 }
 
-// One to kMaxParts, by the number of groups and columns alone.
-std::vector<LineBundlePart> CutIntoParts(const KernelInput& input, const LineBundleLayout& layout) {
-  const auto tiles = static_cast<size_t>(input.tile_count());
-  const size_t bytes = tiles * (tiles + 1) / 2 * kTileSize * kTileSize * sizeof(double);
+// One to kMaxParts, by the number of groups and tiles alone.
+std::vector<LineBundlePart> CutIntoParts(const KernelInput& input, const LineBundleLayout& layout,
+                                         const TileRows& tiles) {
+  const size_t bytes = tiles.count * kTileSize * kTileSize * sizeof(double);
   const auto most = static_cast<int>(std::clamp<size_t>(kMaxTileBytes / bytes, 1, kMaxParts));
   const int count = std::clamp(input.group_count / kMinGroupsPerPart, 1, most);
   std::vector<LineBundlePart> parts;
   parts.reserve(static_cast<size_t>(count));
   for (int part = 0; part < count; ++part) {
-    parts.emplace_back(input, layout, input.group_count * part / count,
+    parts.emplace_back(input, layout, tiles, input.group_count * part / count,
                        input.group_count * (part + 1) / count);
   }
   return parts;
@@ -69,19 +122,36 @@ void AddTo(AlignedBuffer* sum, const AlignedBuffer& part) {
 
 }  // namespace
 
-LineBundlePart::LineBundlePart(const KernelInput& whole, const LineBundleLayout& layout, int first,
-                               int last)
-    : input_(whole), first_(first) {
+LineBundlePart::LineBundlePart(const KernelInput& whole, const LineBundleLayout& layout,
+                               const TileRows& tiles, int first, int last)
+    : input_(whole),
+      tile_rows_(tiles),
+      first_(first),
+      places_(static_cast<size_t>(whole.tile_count())) {
   input_.group_count = last - first;
   input_.first_entry += first;
   input_.first_group = first;
 
-  const auto tiles = static_cast<size_t>(input_.tile_count());
-  const size_t panel = static_cast<size_t>(kTileSize * kInstantColumns * kGroupSize);
-  input_.batch_groups = static_cast<int>(
-      std::clamp<size_t>(kBatchBytes / (tiles * panel * sizeof(double)), 1, kMaxBatchGroups));
-  coupling_ = AlignedBuffer(tiles * panel * static_cast<size_t>(input_.batch_groups));
-  tiles_ = AlignedBuffer(tiles * (tiles + 1) / 2 * kTileSize * kTileSize);
+  std::vector<std::vector<int>> tiles_of_view;
+  for (const KernelColumns& columns : layout.columns) {
+    std::vector<int>& own = tiles_of_view.emplace_back();
+    for (const int column : LocalColumns(input_, columns)) own.push_back(column / kTileSize);
+    std::ranges::sort(own);
+    const auto rest = std::ranges::unique(own);
+    own.erase(rest.begin(), rest.end());
+  }
+  constexpr size_t kPanelBytes = sizeof(double) * kTileSize * kInstantColumns * kGroupSize;
+  size_t reached = CutIntoBatches(tiles_of_view, 1);
+  int groups = static_cast<int>(
+      std::clamp<size_t>(kBatchBytes / (reached * kPanelBytes), 1, kMaxBatchGroups));
+  while (true) {
+    reached = CutIntoBatches(tiles_of_view, groups);
+    if (groups == 1 || reached * kPanelBytes * static_cast<size_t>(groups) <= kBatchBytes) break;
+    --groups;
+  }
+  input_.batch_groups = groups;
+  coupling_ = AlignedBuffer(reached * kPanelBytes / sizeof(double) * static_cast<size_t>(groups));
+  tiles_ = AlignedBuffer(tiles.count * kTileSize * kTileSize);
 
   size_t sums = 0;
   std::vector<size_t> offsets;
@@ -92,22 +162,39 @@ LineBundlePart::LineBundlePart(const KernelInput& whole, const LineBundleLayout&
   }
   view_sums_ = AlignedBuffer(sums);
   for (const size_t offset : offsets) view_sums_of_.push_back(view_sums_.data() + offset);
+}
 
-  const int batches = (input_.group_count + input_.batch_groups - 1) / input_.batch_groups;
-  masks_.assign(static_cast<size_t>(batches) * tiles, 0);
-  for (int group = 0; group < input_.group_count; ++group) {
-    uint64_t* const masks =
-        masks_.data() + static_cast<size_t>(group / input_.batch_groups) * tiles;
-    for (uint32_t e = input_.first_entry[group]; e < input_.first_entry[group + 1]; ++e) {
-      const KernelEntry& entry = input_.entries[e];
-      const uint64_t bits = static_cast<uint64_t>(entry.lanes)
-                            << (group % input_.batch_groups * kGroupSize);
-      for (const int column :
-           LocalColumns(input_, layout.columns[static_cast<size_t>(entry.view)])) {
-        if (column >= 0) masks[column / kTileSize] |= bits;
+size_t LineBundlePart::CutIntoBatches(const std::vector<std::vector<int>>& tiles_of_view,
+                                      int batch_groups) {
+  batches_.clear();
+  batch_tiles_.clear();
+  masks_.clear();
+  size_t most = 1;
+  std::vector<uint64_t> masks(places_.size(), 0);  // of one batch, by tile
+  std::vector<int> reached;
+  for (int first = 0; first < input_.group_count; first += batch_groups) {
+    const int last = std::min(first + batch_groups, input_.group_count);
+    for (int group = first; group < last; ++group) {
+      for (uint32_t e = input_.first_entry[group]; e < input_.first_entry[group + 1]; ++e) {
+        const KernelEntry& entry = input_.entries[e];
+        const uint64_t bits = static_cast<uint64_t>(entry.lanes) << ((group - first) * kGroupSize);
+        for (const int tile : tiles_of_view[static_cast<size_t>(entry.view)]) {
+          uint64_t& mask = masks[static_cast<size_t>(tile)];
+          if (mask == 0) reached.push_back(tile);
+          mask |= bits;
+        }
       }
     }
+    std::ranges::sort(reached);
+    batches_.push_back({batch_tiles_.size(), static_cast<int>(reached.size())});
+    for (const int tile : reached) {
+      batch_tiles_.push_back(tile);
+      masks_.push_back(std::exchange(masks[static_cast<size_t>(tile)], 0));
+    }
+    most = std::max(most, reached.size());
+    reached.clear();
   }
+  return most;
 }
 
 KernelEstimate LineBundlePart::Mine(KernelEstimate whole) const {
@@ -118,20 +205,25 @@ KernelEstimate LineBundlePart::Mine(KernelEstimate whole) const {
 void LineBundlePart::Linearise(const LineBundleKernel& kernel, const KernelEstimate& estimate,
                                double damping, bool curved, double* factors) {
   input_.curved = curved;
-  const auto tiles = static_cast<size_t>(input_.tile_count());
   const KernelEstimate mine = Mine(estimate);
   double* const my_factors = factors + static_cast<size_t>(first_) * kFactorLanes * kGroupSize;
   tiles_.Fill(0);
   view_sums_.Fill(0);
   linearisation_ = {};
-  for (int first = 0; first < input_.group_count; first += input_.batch_groups) {
-    const int last = std::min(first + input_.batch_groups, input_.group_count);
-    kernel.linearise(input_, mine, damping, first, last, my_factors, view_sums_of_.data(),
+  for (size_t b = 0; b < batches_.size(); ++b) {
+    const Batch& own = batches_[b];
+    KernelBatch batch;
+    batch.first = static_cast<int>(b) * input_.batch_groups;
+    batch.last = std::min(batch.first + input_.batch_groups, input_.group_count);
+    batch.tile_count = own.tile_count;
+    batch.tiles = batch_tiles_.data() + own.first_tile;
+    batch.masks = masks_.data() + own.first_tile;
+    batch.places = places_.data();
+    for (int i = 0; i < own.tile_count; ++i) places_[static_cast<size_t>(batch.tiles[i])] = i;
+    kernel.linearise(input_, batch, mine, damping, my_factors, view_sums_of_.data(),
                      coupling_.data(), &linearisation_);
-    kernel.whiten(input_, first, last, my_factors, coupling_.data());
-    kernel.eliminate(input_.tile_count(), input_.batch_groups,
-                     masks_.data() + static_cast<size_t>(first / input_.batch_groups) * tiles,
-                     coupling_.data(), tiles_.data());
+    kernel.whiten(input_, batch, my_factors, coupling_.data());
+    kernel.eliminate(input_, batch, tile_rows_.rows.data(), coupling_.data(), tiles_.data());
   }
 }
 
@@ -158,7 +250,6 @@ LineBundleSystem::LineBundleSystem(const BundleOptions& options, const LineBundl
   input_.column_count = layout.column_count();
   input_.spacing_column = layout.spacing_column;
   input_.group_count = packed.group_count();
-  input_.view_count = static_cast<int>(layout.views.size());
   input_.columns = layout.columns.data();
   input_.entries = packed.entries.data();
   input_.first_entry = packed.first_entry.data();
@@ -169,13 +260,14 @@ LineBundleSystem::LineBundleSystem(const BundleOptions& options, const LineBundl
       static_cast<const PackedMarkers*>(source)->Load(group);
     };
   }
-  parts_ = CutIntoParts(input_, layout);
+  matrix_ = Envelope(input_, layout);
+  tile_rows_ = RowsOfTiles(matrix_);
+  parts_ = CutIntoParts(input_, layout, tile_rows_);
   factors_ = AlignedBuffer(static_cast<size_t>(input_.group_count * kFactorLanes * kGroupSize));
   if (parts_.size() > 1) tiles_ = AlignedBuffer(parts_.front().tiles().size());
   view_sums_ = AlignedBuffer(parts_.front().view_sums().size());
 
   const int n = layout.column_count();
-  matrix_.resize(n, n);
   gradient_.resize(n);
   reduced_gradient_.resize(n);
   diagonal_.resize(n);
@@ -202,19 +294,41 @@ void LineBundleSystem::ScatterViewSums() {
 }
 
 void LineBundleSystem::Assemble(const LineBundleEstimate& estimate) {
-  const int n = input_.column_count;
-  matrix_.setZero();
+  matrix_.SetZero();
   gradient_.setZero();
   ScatterViewSums();
   estimate.AddPriors(&matrix_, &gradient_);
-  diagonal_ = matrix_.diagonal().cwiseMax(kMinDiagonal).cwiseMin(kMaxDiagonal);
-  matrix_.diagonal() += damping_ * diagonal_;
   const double* const tiles = (parts_.size() > 1 ? tiles_ : parts_.front().tiles()).data();
-  for (int column = 0; column < n; ++column) {
-    for (int row = column; row < n; ++row) {
-      matrix_(row, column) += TileElement(tiles, row, column);
+  // Rows of a tile begin here; row n is the gradient's.
+  const auto tile_row = [&](Eigen::Index row, Eigen::Index column) {
+    return tiles +
+           (tile_rows_.rows[static_cast<size_t>(row / kTileSize)] + column / kTileSize) *
+               kTileSize * kTileSize +
+           row % kTileSize * kTileSize;
+  };
+  const int n = input_.column_count;
+  for (size_t block = 0; block < matrix_.block_count(); ++block) {
+    Eigen::MatrixXd& rows = matrix_.rows(block);
+    const Eigen::Index begin = matrix_.RowOf(block), first = matrix_.FirstOf(block);
+    for (Eigen::Index i = 0; i < rows.rows(); ++i) {
+      const Eigen::Index row = begin + i;
+      double& diagonal = rows(i, row - first);
+      diagonal_[row] = std::min(std::max(diagonal, kMinDiagonal), kMaxDiagonal);
+      diagonal += damping_ * diagonal_[row];
     }
-    reduced_gradient_[column] = gradient_[column] + TileElement(tiles, n, column);
+    // Tiles are rows of rows, the block is columns of columns.
+    for (Eigen::Index column = first; column < first + rows.cols(); column += kTileSize) {
+      const Eigen::Index wide = std::min<Eigen::Index>(kTileSize, first + rows.cols() - column);
+      for (Eigen::Index i = std::max<Eigen::Index>(0, column - begin); i < rows.rows(); ++i) {
+        const double* const from = tile_row(begin + i, column);
+        for (Eigen::Index j = 0; j < std::min(wide, begin + i - column + 1); ++j) {
+          rows(i, column - first + j) += from[j];
+        }
+      }
+    }
+  }
+  for (int column = 0; column < n; ++column) {
+    reduced_gradient_[column] = gradient_[column] + tile_row(n, column)[column % kTileSize];
   }
   if (n > 0) gradient_max_ = std::max(gradient_max_, gradient_.cwiseAbs().maxCoeff());
 }

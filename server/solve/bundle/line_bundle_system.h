@@ -2,10 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "server/solve/bundle/bundle_problem.h"
+#include "server/solve/bundle/envelope_matrix.h"
 #include "server/solve/bundle/line_bundle_estimate.h"
 #include "server/solve/bundle/line_bundle_kernel.h"
 #include "server/solve/bundle/line_bundle_layout.h"
@@ -13,12 +15,21 @@
 
 namespace rigcal::server {
 
+// Where the tiles of the reduced matrix lie, and of the row below it that is the gradient's. Tile
+// (i, j), i >= j, is number rows[i] + j; of each row of tiles those from the first are there that
+// may differ from zero.
+struct TileRows {
+  std::vector<std::ptrdiff_t> rows;
+  size_t count = 0;
+};
+
 // A run of groups of a line bundle with the sums over them. A system is cut into parts by its size
 // alone, and the parts' sums are added in their order.
 class LineBundlePart {
  public:
-  // Groups [first, last) of `whole`.
-  LineBundlePart(const KernelInput& whole, const LineBundleLayout& layout, int first, int last);
+  // Groups [first, last) of `whole`. `tiles`: of the reduced matrix.
+  LineBundlePart(const KernelInput& whole, const LineBundleLayout& layout, const TileRows& tiles,
+                 int first, int last);
 
   // Sums of the last linearisation. `factors` are those of the whole system. `curved` as in
   // KernelInput; steps go by the last linearisation's.
@@ -36,11 +47,23 @@ class LineBundlePart {
   const AlignedBuffer& view_sums() const { return view_sums_; }
 
  private:
+  // The tiles that a batch reaches, in `batch_tiles_` and `masks_` from here on.
+  struct Batch {
+    size_t first_tile = 0;
+    int tile_count = 0;
+  };
+
   KernelEstimate Mine(KernelEstimate whole) const;
+  // Returns the most tiles that a batch of `batch_groups` groups reaches.
+  size_t CutIntoBatches(const std::vector<std::vector<int>>& tiles_of_view, int batch_groups);
 
   KernelInput input_;
+  const TileRows& tile_rows_;
   int first_;
-  std::vector<uint64_t> masks_;  // by batch, by tile
+  std::vector<Batch> batches_;
+  std::vector<int> batch_tiles_;
+  std::vector<uint64_t> masks_;
+  std::vector<int> places_;  // of the batch at work
   AlignedBuffer coupling_, tiles_, view_sums_;
   std::vector<double*> view_sums_of_;
   KernelLinearisation linearisation_;
@@ -60,7 +83,7 @@ class LineBundleSystem {
   bool Linearise(const LineBundleEstimate& estimate, double damping, bool curved);
   double cost() const { return cost_; }                  // priors included
   double gradient_max() const { return gradient_max_; }  // over all parameters, instants included
-  const Eigen::MatrixXd& matrix() const { return matrix_; }  // lower triangle, instants eliminated
+  const EnvelopeMatrix& matrix() const { return matrix_; }  // instants eliminated
   const Eigen::VectorXd& reduced_gradient() const { return reduced_gradient_; }  // likewise
 
   struct Move {
@@ -85,9 +108,10 @@ class LineBundleSystem {
   const PackedMarkers& packed_;
   const LineBundleKernel& kernel_;
   KernelInput input_;
+  TileRows tile_rows_;
   std::vector<LineBundlePart> parts_;
   AlignedBuffer factors_, tiles_, view_sums_;
-  Eigen::MatrixXd matrix_;
+  EnvelopeMatrix matrix_;
   Eigen::VectorXd gradient_, reduced_gradient_, diagonal_, step_;
   double damping_ = 0;
   double cost_ = 0;

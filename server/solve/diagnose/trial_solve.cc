@@ -10,7 +10,6 @@
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
-#include "server/solve/bundle/envelope_cholesky.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/rig/outliers.h"
 
@@ -194,21 +193,22 @@ Eigen::Index TrialSigmas::Row(const ReducedParameter& parameter) const {
 
 double TrialSigmas::Of(const ReducedParameter& parameter) const {
   const Eigen::Index row = Row(parameter);
-  const double variance = row < 0 ? 0 : covariance(row, row);
-  return variance > 0 ? std::sqrt(variance) : std::numeric_limits<double>::infinity();
+  const double own = row < 0 ? 0 : variance[row];
+  return own > 0 ? std::sqrt(own) : std::numeric_limits<double>::infinity();
 }
 
 double TrialSigmas::PoseDistance(int a, int b,
                                  const Eigen::Matrix<double, 6, 1>& difference) const {
   // The difference by parameter: +1 for those of b, -1 for those of a; a fixed pose has none.
-  Eigen::MatrixXd by_parameter = Eigen::MatrixXd::Zero(6, covariance.cols());
+  Eigen::MatrixXd by_parameter = Eigen::MatrixXd::Zero(unit.size(), 6);
   for (int i = 0; i < 6; ++i) {
     const auto kind = i < 3 ? ReducedParameterKind::kRotation : ReducedParameterKind::kTranslation;
     const Eigen::Index row_a = Row({kind, a, i % 3}), row_b = Row({kind, b, i % 3});
-    if (row_a >= 0) by_parameter(i, row_a) = -1;
-    if (row_b >= 0) by_parameter(i, row_b) = 1;
+    if (row_a >= 0) by_parameter(row_a, i) = -unit[row_a];
+    if (row_b >= 0) by_parameter(row_b, i) = unit[row_b];
   }
-  const Eigen::Matrix<double, 6, 6> spread = by_parameter * covariance * by_parameter.transpose();
+  information.SolveLowerInPlace(&by_parameter);
+  const Eigen::Matrix<double, 6, 6> spread = factor * by_parameter.transpose() * by_parameter;
   // Radians beside metres: scaled before they are inverted.
   const Eigen::Matrix<double, 6, 1> scale = spread.diagonal().cwiseSqrt().cwiseInverse();
   if (!scale.allFinite()) return 0;
@@ -226,16 +226,15 @@ absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const Bundle
   const Eigen::VectorXd scale =
       reduced.information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd scaled = scale.asDiagonal() * reduced.information * scale.asDiagonal();
-  const EnvelopeCholesky factor(scaled);
-  if (!factor.ok()) {
+  EnvelopeCholesky information(scaled);
+  if (!information.ok()) {
     return absl::FailedPreconditionError("the information is not positive definite");
   }
-  const Eigen::MatrixXd covariance = factor.Inverse();
-  TrialSigmas result;
-  result.parameters = reduced.parameters;
-  result.covariance =
-      VarianceFactor(problem) * scale.asDiagonal() * covariance * scale.asDiagonal();
-  return result;
+  const double factor = VarianceFactor(problem);
+  Eigen::VectorXd variance =
+      factor * scale.cwiseAbs2().cwiseProduct(information.InverseWithin().Diagonal());
+  return TrialSigmas{std::move(reduced.parameters), std::move(variance), std::move(information),
+                     scale, factor};
 }
 
 }  // namespace rigcal::server

@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/solve/bundle/bundle_problem.h"
+#include "server/solve/bundle/envelope_cholesky.h"
 #include "server/solve/bundle/line_bundle.h"
 #include "server/solve/rig/rig_solution.h"
 #include "server/solve/rig/rig_solve_options.h"
@@ -65,7 +66,12 @@ ErrorChange Overall(const std::vector<ErrorChange>& changes);
 // give and the size of the residuals (where they are larger than the observations' sigmas say).
 struct TrialSigmas {
   std::vector<ReducedParameter> parameters;
-  Eigen::MatrixXd covariance;  // rows as `parameters`
+  Eigen::VectorXd variance;  // by parameter
+  // Of the information whose parameters are in units of `unit`, which has a unit diagonal; the
+  // covariance is `factor` times its inverse.
+  EnvelopeCholesky information;
+  Eigen::VectorXd unit;
+  double factor = 1;
 
   // -1 for what is not free.
   Eigen::Index Row(const ReducedParameter& parameter) const;

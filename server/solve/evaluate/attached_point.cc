@@ -16,6 +16,15 @@ Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
 
 }  // namespace
 
+std::vector<Eigen::Index> PoseRows(const RigUncertainty& rig, int camera) {
+  std::vector<Eigen::Index> rows;
+  if (rig.Row({ReducedParameterKind::kRotation, camera, 0}) < 0) return rows;
+  for (const auto kind : {ReducedParameterKind::kRotation, ReducedParameterKind::kTranslation}) {
+    for (int i = 0; i < 3; ++i) rows.push_back(rig.Row({kind, camera, i}));
+  }
+  return rows;
+}
+
 // Of X = R^T (p - t) with p fixed, under t + dt and exp([w]x) R:
 // dX = -R^T dt + R^T [p - t]x w = -R^T dt + R^T [R X]x w.
 PointGainMatrix AttachedPointGain(const BundleProblem& problem, const RigUncertainty& rig,
@@ -47,9 +56,29 @@ Eigen::MatrixXd FrameFreeCentreCovariance(const BundleProblem& problem, const Ri
     gain.middleRows<3>(3 * i) = AttachedPointGain(problem, rig, static_cast<int>(i % count),
                                                   points_m[static_cast<size_t>(i)]);
   }
-  RemoveRigidMotion(points_m, &gain);
-  const auto centres = gain.topRows(3 * count);
-  return centres * rig.shape_covariance * centres.transpose();
+  const RigidMotion rigid = FindRigidMotion(points_m, gain);
+  // A centre moves by its own camera's parameters alone, but for the motion that is taken out.
+  const auto motions = rigid.motions.topRows(3 * count);
+  std::vector<std::vector<Eigen::Index>> rows;
+  std::vector<Eigen::MatrixXd> own;
+  Eigen::MatrixXd by_motion(3 * count, 6);  // covariance of the centres with the motion
+  const Eigen::MatrixXd of_motion = rig.shape_covariance * rigid.taken.transpose();
+  for (Eigen::Index c = 0; c < count; ++c) {
+    rows.push_back(PoseRows(rig, static_cast<int>(c)));
+    own.push_back(gain.middleRows<3>(3 * c)(Eigen::all, rows.back()));
+    by_motion.middleRows<3>(3 * c) = own.back() * of_motion(rows.back(), Eigen::all);
+  }
+  Eigen::MatrixXd covariance(3 * count, 3 * count);
+  for (size_t a = 0; a < own.size(); ++a) {
+    for (size_t b = 0; b < own.size(); ++b) {
+      covariance.block<3, 3>(static_cast<Eigen::Index>(3 * a), static_cast<Eigen::Index>(3 * b)) =
+          own[a] * (rig.shape_covariance(rows[a], rows[b]) * own[b].transpose()).eval();
+    }
+  }
+  const Eigen::MatrixXd shared = by_motion - 0.5 * motions * (rigid.taken * of_motion).eval();
+  covariance.noalias() -= shared * motions.transpose();
+  covariance.noalias() -= motions * shared.transpose();
+  return covariance;
 }
 
 std::vector<double> CentreSigmas(const Eigen::MatrixXd& centre_covariance) {

@@ -18,6 +18,9 @@ namespace rigcal::server {
 PointGainMatrix AttachedPointGain(const BundleProblem& problem, const RigUncertainty& rig,
                                   int camera, const Eigen::Vector3d& point_m);
 
+// Of the camera's pose, in the order of its parameters: rotation, then translation. Empty: fixed.
+std::vector<Eigen::Index> PoseRows(const RigUncertainty& rig, int camera);
+
 // Of the cameras' centres, three rows each, after the best rigid motion has been taken out, that
 // which the centres have in common with the places they carry along, each the middle of the waved
 // volume. Which frame a rig has is a matter of choice; and the centres alone would leave two

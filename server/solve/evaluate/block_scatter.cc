@@ -77,7 +77,7 @@ std::optional<BlockInformation> Inform(const BundleOptions& options, const Bundl
 
 // (I - A)^(-1/2) z for a symmetric A with eigenvalues from 0 to 1, those above kMaxShare taken for
 // that. By Lanczos's method (Golub and Van Loan, Matrix Computations, section 10.2), which needs
-// products with A alone: a rig of 100 cameras has 1 500 parameters.
+// products with A alone.
 template <typename Product>
 Eigen::VectorXd InverseRootTimes(const Product& product, const Eigen::VectorXd& z) {
   const double norm = z.norm();
@@ -131,39 +131,45 @@ std::vector<size_t> CutIntoBlocks(const BuiltProblem& built) {
 
 BlockScatterSum::BlockScatterSum(const Eigen::MatrixXd& covariance, const LossFactors& loss)
     : loss_(loss), units_(covariance.diagonal().cwiseSqrt()) {
-  // In units in which independent errors have the covariance `variance * I`: C = variance * L L^T.
+  // In units in which every parameter of independent errors has the variance `variance`.
   const Eigen::VectorXd per_unit = units_.cwiseInverse();
-  if (!per_unit.allFinite()) return;
+  is_valid_ = per_unit.allFinite();
+  if (!is_valid_) return;
   whole_ = per_unit.asDiagonal() * covariance * per_unit.asDiagonal() / loss.variance;
-  const Eigen::LLT<Eigen::MatrixXd> factor(whole_);
-  if (factor.info() == Eigen::Success) lower_ = factor.matrixL();
 }
 
+// With C = R R^T the covariance of the block's own parameters, the block's information H is
+// R^T H R in units in which independent errors have that of the identity.
 void BlockScatterSum::Add(const BlockInformation& block) {
-  if (lower_.size() == 0) return;
+  if (!is_valid_) return;
   // In a large rig a block is seen by few of the cameras.
-  const Eigen::MatrixXd lower = lower_(block.rows, Eigen::all);
+  const Eigen::MatrixXd covariance = whole_(block.rows, block.rows);
+  const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
+  is_valid_ = factor.info() == Eigen::Success;
+  if (!is_valid_) return;
+  const Eigen::MatrixXd root = factor.matrixL();
   const Eigen::VectorXd units = units_(block.rows);
   const Eigen::MatrixXd information = units.asDiagonal() * block.information * units.asDiagonal();
-  const Eigen::VectorXd score = lower.transpose() * units.cwiseProduct(block.score) /
+  const Eigen::VectorXd score = root.transpose() * units.cwiseProduct(block.score) /
                                 (loss_.slope * std::sqrt(loss_.variance));
   const auto product = [&](const Eigen::VectorXd& v) -> Eigen::VectorXd {
-    return lower.transpose() * (information * (lower * v).eval()).eval();
+    return root.transpose() * (information * (root * v).eval()).eval();
   };
-  scores_.push_back(InverseRootTimes(product, score));
-  squares_ += scores_.back().squaredNorm();
-  // trace(L^T H L) = trace(H L L^T)
-  share_ += information.cwiseProduct(whole_(block.rows, block.rows)).sum();
+  const Eigen::VectorXd corrected = InverseRootTimes(product, score);
+  squares_ += corrected.squaredNorm();
+  // trace(R^T H R) = trace(H C)
+  share_ += information.cwiseProduct(covariance).sum();
+  const Eigen::VectorXd own = factor.matrixU().solve(corrected);
+  changes_.push_back(std::sqrt(loss_.variance) *
+                     units_.cwiseProduct((whole_(Eigen::all, block.rows) * own).eval()));
 }
 
 BlockScatter BlockScatterSum::Finish() const {
   BlockScatter scatter;
-  if (scores_.size() < kMinScatterBlocks) return scatter;
-  const auto lower = lower_.triangularView<Eigen::Lower>();
-  scatter.changes.resize(units_.size(), static_cast<Eigen::Index>(scores_.size()));
-  for (size_t b = 0; b < scores_.size(); ++b) {
-    scatter.changes.col(static_cast<Eigen::Index>(b)) =
-        units_.cwiseProduct(std::sqrt(loss_.variance) * (lower * scores_[b]).eval());
+  if (!is_valid_ || changes_.size() < kMinScatterBlocks) return scatter;
+  scatter.changes.resize(units_.size(), static_cast<Eigen::Index>(changes_.size()));
+  for (size_t b = 0; b < changes_.size(); ++b) {
+    scatter.changes.col(static_cast<Eigen::Index>(b)) = changes_[b];
   }
   scatter.design_effect = share_ > 0 ? squares_ / share_ : 1;
   return scatter;

@@ -52,8 +52,9 @@ class BlockScatterSum {
  private:
   LossFactors loss_;
   Eigen::VectorXd units_;
-  Eigen::MatrixXd whole_, lower_;  // empty: the covariance is not one
-  std::vector<Eigen::VectorXd> scores_;
+  Eigen::MatrixXd whole_;
+  bool is_valid_ = false;  // the covariance is one
+  std::vector<Eigen::VectorXd> changes_;
   double squares_ = 0, share_ = 0;
 };
 

@@ -43,22 +43,29 @@ bool AreRaysApart(const Eigen::Matrix3d& normal) {
   return eigen.eigenvalues()[0] > kMinRaySpread * eigen.eigenvalues()[2];
 }
 
-void RemoveRigidMotion(const std::vector<Eigen::Vector3d>& points_m, PointGainMatrix* gain) {
-  if (points_m.empty()) return;
+RigidMotion FindRigidMotion(const std::vector<Eigen::Vector3d>& points_m,
+                            const PointGainMatrix& gain) {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& point_m : points_m) centre += point_m;
   centre /= static_cast<double>(points_m.size());
-  // The six motions, three rows for each point.
-  Eigen::Matrix<double, Eigen::Dynamic, 6> motions(gain->rows(), 6);
+  RigidMotion rigid;
+  Eigen::Matrix<double, Eigen::Dynamic, 6>& motions = rigid.motions;
+  motions.resize(gain.rows(), 6);
   for (size_t i = 0; i < points_m.size(); ++i) {
     const Eigen::Vector3d p = points_m[i] - centre;
     motions.middleRows<3>(static_cast<Eigen::Index>(3 * i)) << 1, 0, 0, 0, p.z(), -p.y(), 0, 1, 0,
         -p.z(), 0, p.x(), 0, 0, 1, p.y(), -p.x(), 0;
   }
   const Eigen::Matrix<double, 6, 6> normal = motions.transpose() * motions;
-  const Eigen::Matrix<double, 6, Eigen::Dynamic> taken =
-      normal.ldlt().solve(motions.transpose() * *gain);
-  if (taken.allFinite()) gain->noalias() -= motions * taken;
+  rigid.taken = normal.ldlt().solve(motions.transpose() * gain);
+  if (!rigid.taken.allFinite()) rigid.taken.setZero();
+  return rigid;
+}
+
+void RemoveRigidMotion(const std::vector<Eigen::Vector3d>& points_m, PointGainMatrix* gain) {
+  if (points_m.empty()) return;
+  const RigidMotion rigid = FindRigidMotion(points_m, *gain);
+  gain->noalias() -= rigid.motions * rigid.taken;
 }
 
 CalibrationError ComputeCalibrationError(const std::vector<Eigen::Vector3d>& points_m,

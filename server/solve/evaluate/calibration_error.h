@@ -30,6 +30,14 @@ struct CalibrationError {
 // frame a rig has is a matter of choice. Points on one line keep theirs.
 void RemoveRigidMotion(const std::vector<Eigen::Vector3d>& points_m, PointGainMatrix* gain);
 
+// What that takes out is motions * taken. One point at least.
+struct RigidMotion {
+  Eigen::Matrix<double, Eigen::Dynamic, 6> motions;  // rows as the gain
+  Eigen::Matrix<double, 6, Eigen::Dynamic> taken;    // columns as the gain; zero: not determined
+};
+RigidMotion FindRigidMotion(const std::vector<Eigen::Vector3d>& points_m,
+                            const PointGainMatrix& gain);
+
 // Free of the rig's frame (RemoveRigidMotion). `covariance` of the parameters. Deterministic:
 // the probabilities are those of 64 draws from it with fixed random numbers. No point: zeros.
 CalibrationError ComputeCalibrationError(const std::vector<Eigen::Vector3d>& points_m,

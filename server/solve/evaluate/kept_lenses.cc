@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "server/solve/evaluate/scale_uncertainty.h"
 
@@ -16,6 +17,9 @@ constexpr double kUntoldShare = 0.999;
 // Of the common variance, tried in steps of a tenth; the priors are wide.
 constexpr double kLeastVariance = 1e-9, kMostVariance = 10;
 constexpr double kStep = 1.1;
+// Intrinsics of so many are first looked at camera by camera: to take them apart together takes the
+// cube of their number.
+constexpr Eigen::Index kManyParameters = 256;
 
 // One direction of the intrinsics, in sigmas of the priors.
 struct Direction {
@@ -33,6 +37,31 @@ double LogLikelihood(const std::vector<Direction>& directions, double variance) 
     sum -= 0.5 * (std::log(all) + direction.estimate * direction.estimate / all);
   }
   return sum;
+}
+
+// Directions of the intrinsics in these rows of the covariance; none where it cannot be taken
+// apart.
+struct Directions {
+  Eigen::MatrixXd axes;         // orthogonal, in sigmas of the priors
+  std::vector<Direction> seen;  // by axis; nothing of those that the data say nothing of
+  std::vector<Direction> told;  // the others
+};
+
+std::optional<Directions> TakeApart(const Eigen::MatrixXd& covariance,
+                                    const Eigen::VectorXd& difference, double design_effect) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+  if (eigen.info() != Eigen::Success) return std::nullopt;
+  Directions directions{eigen.eigenvectors(), {}, {}};
+  directions.seen.resize(static_cast<size_t>(difference.size()));
+  const Eigen::VectorXd along = directions.axes.transpose() * difference;
+  for (Eigen::Index i = 0; i < difference.size(); ++i) {
+    const double share = eigen.eigenvalues()[i];
+    if (!(share > 0) || share > kUntoldShare) continue;
+    Direction& own = directions.seen[static_cast<size_t>(i)];
+    own = {along[i] / (1 - share), (1 / share - 1) / std::max(1.0, design_effect)};
+    directions.told.push_back(own);
+  }
+  return directions;
 }
 
 // 0 where none is as likely as chance allows: by the ratio of the likelihoods, which at a bound of
@@ -91,6 +120,36 @@ Eigen::MatrixXd InRows(const Eigen::MatrixXd& covariance, const std::vector<Eige
   return all;
 }
 
+// In a large rig: whether lenses differ from the given ones by more than chance when each camera's
+// intrinsics are looked at by themselves, as if what the cameras say of them were independent.
+bool DifferByCamera(const std::vector<KeptParameter>& parameters,
+                    const std::vector<ReducedParameter>& rows, const Eigen::MatrixXd& covariance,
+                    double design_effect) {
+  std::vector<Direction> told;
+  for (size_t begin = 0, end = 0; begin < parameters.size(); begin = end) {
+    const auto camera_of = [&](size_t i) {
+      return rows[static_cast<size_t>(parameters[i].row)].index;
+    };
+    while (end < parameters.size() && camera_of(end) == camera_of(begin)) ++end;
+    const auto count = static_cast<Eigen::Index>(end - begin);
+    Eigen::MatrixXd own(count, count);
+    Eigen::VectorXd difference(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const KeptParameter& a = parameters[begin + static_cast<size_t>(i)];
+      difference[i] = a.difference;
+      for (Eigen::Index j = 0; j < count; ++j) {
+        const KeptParameter& b = parameters[begin + static_cast<size_t>(j)];
+        own(i, j) = covariance(a.row, b.row) / (a.sigma * b.sigma);
+      }
+    }
+    const auto directions = TakeApart(own, difference, design_effect);
+    if (directions) {
+      told.insert(told.end(), directions->told.begin(), directions->told.end());
+    }
+  }
+  return LikeliestVariance(told) > 0;
+}
+
 }  // namespace
 
 KeptLenses MeasureKeptLenses(const std::vector<BundleCamera>& kept, const BundleProblem& refined,
@@ -109,36 +168,30 @@ KeptLenses MeasureKeptLenses(const std::vector<BundleCamera>& kept, const Bundle
     sigma[i] = parameter.sigma;
   }
   const Eigen::MatrixXd& covariance = uncertainty.noise_covariance;
-  const Eigen::VectorXd unit = sigma.cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-      Eigen::MatrixXd(unit.asDiagonal() * covariance(rows, rows) * unit.asDiagonal()));
-  if (eigen.info() != Eigen::Success) return lenses;
-  const Eigen::VectorXd along = eigen.eigenvectors().transpose() * difference;
-  std::vector<Direction> seen(own.size());
-  std::vector<Direction> told;
-  for (Eigen::Index i = 0; i < size; ++i) {
-    const double share = eigen.eigenvalues()[i];
-    if (!(share > 0) || share > kUntoldShare) continue;
-    seen[static_cast<size_t>(i)] = {along[i] / (1 - share),
-                                    (1 / share - 1) / std::max(1.0, design_effect)};
-    told.push_back(seen[static_cast<size_t>(i)]);
+  if (size > kManyParameters &&
+      !DifferByCamera(own, uncertainty.parameters, covariance, design_effect)) {
+    return lenses;
   }
-  const double variance = LikeliestVariance(told);
+  const Eigen::VectorXd unit = sigma.cwiseInverse();
+  const auto directions = TakeApart(unit.asDiagonal() * covariance(rows, rows) * unit.asDiagonal(),
+                                    difference, design_effect);
+  if (!directions) return lenses;
+  const double variance = LikeliestVariance(directions->told);
   if (!(variance > 0)) return lenses;
   // Mean and variance of the errors along each direction.
   Eigen::VectorXd mean(size), left(size);
   for (Eigen::Index i = 0; i < size; ++i) {
-    const Direction& direction = seen[static_cast<size_t>(i)];
+    const Direction& direction = directions->seen[static_cast<size_t>(i)];
     left[i] = 1 / (direction.precision + 1 / variance);
     mean[i] = left[i] * direction.precision * direction.estimate;
   }
-  const Eigen::MatrixXd axes = sigma.asDiagonal() * eigen.eigenvectors();
+  const Eigen::MatrixXd axes = sigma.asDiagonal() * directions->axes;
   // How everything follows the intrinsics, at the length that gives the scale.
   RigUncertainty noise;
   noise.parameters = uncertainty.parameters;
   noise.covariance = covariance;
   DescribeScale(refined, 0, &noise);
-  const Eigen::MatrixXd inverse_axes = eigen.eigenvectors().transpose() * unit.asDiagonal();
+  const Eigen::MatrixXd inverse_axes = directions->axes.transpose() * unit.asDiagonal();
   const Eigen::MatrixXd own_along =
       inverse_axes * noise.shape_covariance(rows, rows) * inverse_axes.transpose();
   const Eigen::MatrixXd all_along =

@@ -54,22 +54,23 @@ struct Radial {
   int64_t block;
 };
 
-std::vector<Radial> RadialResiduals(const RigSolution& solution, size_t camera) {
+// By camera.
+std::vector<std::vector<Radial>> RadialResiduals(const RigSolution& solution) {
   const BundleProblem& problem = solution.built.problem;
-  const IntrinsicsVector& intrinsics = problem.cameras[camera].intrinsics;
-  const Eigen::Vector2d centre_px(intrinsics[2], intrinsics[3]);
-  std::vector<Radial> radial;
+  std::vector<std::vector<Radial>> radial(problem.cameras.size());
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     const BundleInstant& instant = problem.instants[i];
     ForEachUsedMarker(
         problem, instant, [&](const BundleObservation& observation, const BundleMarker& marker) {
-          if (observation.camera != static_cast<int>(camera)) return;
+          const auto camera = static_cast<size_t>(observation.camera);
+          const IntrinsicsVector& intrinsics = problem.cameras[camera].intrinsics;
           const auto residual = MarkerResidualPx(problem, instant, observation, marker);
-          const Eigen::Vector2d from_centre = marker.centre_px - centre_px;
+          const Eigen::Vector2d from_centre =
+              marker.centre_px - Eigen::Vector2d(intrinsics[2], intrinsics[3]);
           const double radius_px = from_centre.norm();
           if (!residual || !(radius_px > 1)) return;
-          radial.push_back({radius_px, residual->dot(from_centre) / radius_px,
-                            solution.built.instant_time_ns[i] / kRingBlockNs});
+          radial[camera].push_back({radius_px, residual->dot(from_centre) / radius_px,
+                                    solution.built.instant_time_ns[i] / kRingBlockNs});
         });
   }
   return radial;
@@ -221,8 +222,8 @@ const ComparedModel& ChosenOf(const std::vector<ComparedModel>& models) {
 
 std::vector<RingResiduals> MeasureRings(const RigSolution& solution) {
   std::vector<RingResiduals> rings;
-  for (size_t c = 0; c < solution.built.problem.cameras.size(); ++c) {
-    rings.push_back(RingsOf(RadialResiduals(solution, c)));
+  for (std::vector<Radial>& radial : RadialResiduals(solution)) {
+    rings.push_back(RingsOf(std::move(radial)));
   }
   return rings;
 }

@@ -31,13 +31,21 @@ class ParameterGains {
                  const BundleProblem& problem, const JoinedCameras& joined,
                  const Eigen::Vector3d& middle_m, const Eigen::Matrix3d& axes);
 
+  // Columns that the gains have in common.
+  const Eigen::MatrixXd& common() const { return common_; }
   // False: not determined.
-  bool Of(const WantedParameter& wanted, Eigen::VectorXd* gain) const;
+  bool Of(const WantedParameter& wanted, ParameterKnowledge::Gain* gain) const;
 
  private:
-  Eigen::MatrixXd PointRows(size_t camera, const Eigen::Vector3d& point_m) const;
+  // How a point that the camera carries along moves by a parameter of the camera, if it is free.
+  struct PointColumn {
+    Eigen::Index row = 0;
+    Eigen::Vector3d derivative_m;
+  };
+  std::vector<PointColumn> PointColumns(size_t camera, const Eigen::Vector3d& point_m) const;
   void FitMotion(const Eigen::Vector3d& middle_m);
-  bool Offset(size_t camera, Eigen::VectorXd* gain) const;
+  void AddMeanOffsets();
+  bool Offset(size_t camera, ParameterKnowledge::Gain* gain) const;
 
   const GroupedProblem& grouped_;
   const ParameterKnowledge& knowledge_;
@@ -45,7 +53,8 @@ class ParameterGains {
   const JoinedCameras& joined_;
   const Eigen::Matrix3d axes_;
   bool has_motion_ = false, motion_known_ = false;
-  Eigen::MatrixXd motion_;  // turn and shift, by the parameters
+  // Turn and shift of the whole rig, where there is a motion, and the mean offset of each session.
+  Eigen::MatrixXd common_;
 };
 
 }  // namespace rigcal::server

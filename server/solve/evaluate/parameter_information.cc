@@ -68,11 +68,17 @@ class InformationMeter {
   std::vector<double> Variances(const ParameterKnowledge& knowledge, const BundleProblem& problem,
                                 const JoinedCameras& joined) const {
     const ParameterGains gains(grouped_, knowledge, problem, joined, middle_m_, axes_);
-    std::vector<double> variances;
-    Eigen::VectorXd gain;
-    for (const WantedParameter& wanted : wanted_) {
-      variances.push_back(gains.Of(wanted, &gain) ? knowledge.Variance(gain) : kUndetermined);
+    std::vector<double> variances(wanted_.size(), kUndetermined);
+    std::vector<ParameterKnowledge::Gain> known;
+    std::vector<size_t> place;
+    for (size_t p = 0; p < wanted_.size(); ++p) {
+      ParameterKnowledge::Gain gain;
+      if (!gains.Of(wanted_[p], &gain)) continue;
+      known.push_back(std::move(gain));
+      place.push_back(p);
     }
+    const std::vector<double> of_known = knowledge.Variances(known, gains.common());
+    for (size_t i = 0; i < place.size(); ++i) variances[place[i]] = of_known[i];
     return variances;
   }
 

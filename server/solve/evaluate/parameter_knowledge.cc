@@ -49,4 +49,34 @@ double ParameterKnowledge::Variance(const Eigen::VectorXd& gain) const {
   return touches_nothing || lost > kNullShare * a.squaredNorm() ? kUndetermined : variance;
 }
 
+std::vector<double> ParameterKnowledge::Variances(const std::vector<Gain>& gains,
+                                                  const Eigen::MatrixXd& common) const {
+  std::vector<double> variances;
+  if (!factor_ || factor_->IsWhole()) {
+    for (const Gain& gain : gains) {
+      Eigen::VectorXd whole = common * gain.of_common;
+      for (const auto& [row, derivative] : gain.own) whole[row] += derivative;
+      variances.push_back(Variance(whole));
+    }
+    return variances;
+  }
+  const EnvelopeMatrix inverse = factor_->InverseWithin();
+  const Eigen::MatrixXd scaled = scale_.asDiagonal() * common;
+  Eigen::MatrixXd of_common = scaled;  // covariance times the common columns
+  factor_->SolveInPlace(&of_common);
+  const Eigen::MatrixXd between = scaled.transpose() * of_common;
+  for (const Gain& gain : gains) {
+    double variance = gain.of_common.dot(between * gain.of_common);
+    for (const auto& [i, d_i] : gain.own) {
+      const double a_i = scale_[i] * d_i;
+      variance += 2 * a_i * of_common.row(i).dot(gain.of_common);
+      for (const auto& [j, d_j] : gain.own) {
+        variance += a_i * scale_[j] * d_j * inverse(std::max(i, j), std::min(i, j));
+      }
+    }
+    variances.push_back(std::max(0.0, variance));
+  }
+  return variances;
+}
+
 }  // namespace rigcal::server

@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <limits>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "server/solve/bundle/envelope_cholesky.h"
@@ -26,6 +27,16 @@ class ParameterKnowledge {
   // Of the linear function of the parameters with this gradient; kUndetermined where the data leave
   // it open.
   double Variance(const Eigen::VectorXd& gain) const;
+
+  // Linear functions that all have something in common, such as the motion of the whole rig: the
+  // gradient is that of a few neighbouring parameters and a sum of columns of `common`.
+  struct Gain {
+    std::vector<std::pair<Eigen::Index, double>> own;  // row and derivative
+    Eigen::VectorXd of_common;                         // by column
+  };
+  // The variance of each, without a product for each where the information is sparse.
+  std::vector<double> Variances(const std::vector<Gain>& gains,
+                                const Eigen::MatrixXd& common) const;
 
  private:
   std::vector<ReducedParameter> parameters_;

@@ -94,8 +94,12 @@ CameraUncertainty OfCamera(const BundleProblem& problem, int index, const RigUnc
     }
     const PointGainMatrix gain =
         AttachedPointGain(problem, rig, index, camera.cam_from_rig.SourceFromTargetTranslation());
-    result.position_sigma_m =
-        (gain * rig.shape_covariance * gain.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+    const std::vector<Eigen::Index> rows = PoseRows(rig, index);
+    const Eigen::MatrixXd own = gain(Eigen::all, rows);
+    result.position_sigma_m = (own * rig.shape_covariance(rows, rows) * own.transpose())
+                                  .diagonal()
+                                  .cwiseMax(0)
+                                  .cwiseSqrt();
   }
   if (camera.intrinsics_fixed) return result;
   for (int i = 0; i < static_cast<int>(camera.intrinsics.size()); ++i) {

@@ -23,15 +23,15 @@ struct OneStep {
 OneStep StepWith(const LineBundleKernel& kernel, const BundleOptions& options,
                  const BundleProblem& problem, bool curved = false,
                  size_t max_packed_bytes = kMaxPackedBytes) {
-  LineBundleLayout layout = LayOut(problem);
-  const PackedMarkers packed = Pack(problem, &layout, max_packed_bytes);
+  const LineBundleLayout layout = LayOut(problem);
+  const PackedMarkers packed = Pack(problem, layout, max_packed_bytes);
   EXPECT_EQ(packed.source == nullptr, max_packed_bytes > 0);
   LineBundleSystem system(options, layout, packed, kernel);
   LineBundleEstimate estimate(problem, layout, packed), moved(problem, layout, packed);
   OneStep step;
   EXPECT_TRUE(system.Linearise(estimate, 1e-4, curved));
   step.cost = system.cost();
-  step.matrix = system.matrix().triangularView<Eigen::Lower>();
+  step.matrix = system.matrix().Symmetric();
   step.move = system.Solve(estimate, &moved);
   if (step.move.valid) {
     EXPECT_EQ(system.Cost(moved), step.move.cost);

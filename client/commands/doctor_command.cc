@@ -166,7 +166,7 @@ ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context) {
   std::vector<Check> checks =
       status.ok() ? CheckServer(server, *status)
                   : std::vector{agent_pc.value_or(CannotAsk("server", status.status()))};
-  if (UsesTls(context.server)) AddConnectionChecks(context.server, &checks);
+  if (UsesTls(server.address())) AddConnectionChecks(server.address(), &checks);
   for (Check& check : CheckIdentities()) checks.push_back(std::move(check));
   const bool ok = std::ranges::find(checks, CheckLevel::kFail, &Check::level) == checks.end();
   if (context.console.format == OutputFormat::kJson) {

@@ -3,6 +3,7 @@
 
 #include <grpcpp/generic/generic_stub.h>
 
+#include <algorithm>
 #include <future>
 
 #include "absl/strings/ascii.h"
@@ -22,6 +23,9 @@ constexpr int kMaxMessageBytes = 64 << 20;
 // How long one attempt may take, and the pause before the next.
 constexpr int kConnectMs = 10'000;
 constexpr int kConnectToOneOfManyMs = 2'000;
+// A server that waits for its turn takes over from a silent one after 5 s.
+constexpr std::chrono::milliseconds kTakeoverPatience{8'000};
+constexpr std::chrono::milliseconds kTakeoverPause{300};
 constexpr int kFirstPauseMs = 100;
 constexpr int kLastPauseMs = 1000;
 // Looked through for what an unknown id was meant to be.
@@ -89,16 +93,39 @@ std::shared_ptr<const ServerConnection::Link> ServerConnection::link() const {
   return link_;
 }
 
+std::string ServerConnection::OtherRefusals(const Link& link) const {
+  const std::lock_guard lock(mutex_);
+  std::string text;
+  for (const auto& [address, refusal] : refusals_) {
+    if (address != link.address) {
+      absl::StrAppend(&text, "\nthe server at ", address, ": ", refusal);
+    }
+  }
+  return text;
+}
+
 void ServerConnection::Settle() {
   const std::lock_guard lock(mutex_);
+  refusals_.clear();
   servers_.Settle();
 }
 
-bool ServerConnection::MoveOn(const Link& link, const grpc::Status& status,
-                              const grpc::ClientContext& context) {
+bool ServerConnection::MayAskAgain(const Link& link, const grpc::Status& status,
+                                   const grpc::ClientContext& context,
+                                   std::chrono::steady_clock::time_point begin) {
+  const Next next = MoveOn(link, status, context);
+  if (next != Next::kPause) return next == Next::kAsk;
+  if (std::chrono::steady_clock::now() - begin > kTakeoverPatience) return false;
+  std::this_thread::sleep_for(kTakeoverPause);
+  return true;
+}
+
+ServerConnection::Next ServerConnection::MoveOn(const Link& link, const grpc::Status& status,
+                                                const grpc::ClientContext& context) {
   if (status.error_code() != grpc::StatusCode::UNAVAILABLE &&
+      status.error_code() != grpc::StatusCode::CANCELLED &&
       status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED) {
-    return false;
+    return Next::kGiveUp;
   }
   const auto& trailing = context.GetServerTrailingMetadata();
   const auto named = trailing.find(wire::kActiveServerKey);
@@ -108,8 +135,11 @@ bool ServerConnection::MoveOn(const Link& link, const grpc::Status& status,
       !absl::StartsWith(status.error_message(), wire::kNotActive) &&
       !absl::StrContains(absl::AsciiStrToLower(status.error_message()), "failed to connect");
   const std::lock_guard lock(mutex_);
+  if (absl::StartsWith(status.error_message(), wire::kNotActive)) {
+    refusals_[link.address] = status.error_message();
+  }
   // Another thread has moved on already.
-  if (link_.get() != &link) return !begun;
+  if (link_.get() != &link) return begun ? Next::kGiveUp : Next::kAsk;
   bool next = servers_.MoveOn(active);
   auto moved = MakeLink(servers_.current());
   // A server that only the refusal has named, and that this user cannot ask: the refusal says more.
@@ -118,7 +148,12 @@ bool ServerConnection::MoveOn(const Link& link, const grpc::Status& status,
     moved = MakeLink(servers_.current());
   }
   link_ = std::move(moved);
-  return next && !begun;
+  if (begun) return Next::kGiveUp;
+  if (next) return Next::kAsk;
+  const bool takes_over = std::ranges::any_of(refusals_, [](const auto& refusal) {
+    return absl::StrContains(refusal.second, wire::kTakesOver);
+  });
+  return takes_over ? Next::kPause : Next::kGiveUp;
 }
 
 void ServerConnection::AddCorrelation(grpc::ClientContext* context) {
@@ -145,10 +180,22 @@ absl::Status ServerConnection::Explain(const Link& link, const grpc::Status& sta
         "--server; others join it: rigcal login STRING, with what `rigcal token create --role "
         "operator` prints for that user"));
   }
-  // A waiting server says so itself.
+  // A waiting server says so itself, and one whose database is away names that.
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE &&
-      absl::StartsWith(status.error_message(), wire::kNotActive)) {
-    return wire::FromGrpc(status);
+      (absl::StartsWith(status.error_message(), wire::kNotActive) ||
+       absl::StrContains(status.error_message(), "postgresql://"))) {
+    return absl::UnavailableError(
+        absl::StrCat("the server at ", link.address, ": ", status.error_message()));
+  }
+  // Nobody here cancels a call: the server has ended.
+  if (status.error_code() == grpc::StatusCode::CANCELLED) {
+    return absl::UnavailableError(
+        absl::StrCat("the server at ", link.address, " has ended, or was replaced; try again"));
+  }
+  if (const std::string others = OtherRefusals(link);
+      status.error_code() == grpc::StatusCode::UNAVAILABLE && !others.empty()) {
+    return absl::UnavailableError(absl::StrCat("no server answers:\nthe server at ", link.address,
+                                               " cannot be reached (", cause, ")", others));
   }
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
     if (const absl::Status why = WhyRefused(link.address, identity_); !why.ok()) {

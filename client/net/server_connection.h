@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -55,6 +56,7 @@ class ServerConnection {
   absl::StatusOr<Response> Call(UnaryMethod<Stub, Request, Response> method,
                                 const std::type_identity_t<Request>& request,
                                 std::chrono::milliseconds timeout = kCallTimeout) {
+    const auto begin = std::chrono::steady_clock::now();
     while (true) {
       const std::shared_ptr<const Link> link = this->link();
       if (!link->credentials.ok()) return link->credentials.status();
@@ -67,7 +69,7 @@ class ServerConnection {
         Settle();
         return response;
       }
-      if (!MoveOn(*link, status, context)) return Explain(*link, status, timeout);
+      if (!MayAskAgain(*link, status, context, begin)) return Explain(*link, status, timeout);
     }
   }
   // A call that names a resource and nothing else.
@@ -87,6 +89,7 @@ class ServerConnection {
                         grpc::ClientContext*, const Request&),
                     const std::type_identity_t<Request>& request, std::chrono::milliseconds timeout,
                     const std::function<bool(const std::type_identity_t<Message>&)>& each) {
+    const auto begin = std::chrono::steady_clock::now();
     while (true) {
       const std::shared_ptr<const Link> link = this->link();
       if (!link->credentials.ok()) return link->credentials.status();
@@ -113,7 +116,10 @@ class ServerConnection {
       if (any && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) {
         return absl::DeadlineExceededError(status.error_message());
       }
-      if (!MoveOn(*link, status, context) || any) return Explain(*link, status, timeout);
+      if (any) MoveOn(*link, status, context);
+      if (any || !MayAskAgain(*link, status, context, begin)) {
+        return Explain(*link, status, timeout);
+      }
     }
   }
 
@@ -168,9 +174,17 @@ class ServerConnection {
   std::shared_ptr<const Link> MakeLink(const std::string& address) const;
   std::shared_ptr<const Link> link() const;
   void Settle();
-  // After a call over `link` that failed: the next call goes to another server. True: so can this
-  // one, which no server has begun.
-  bool MoveOn(const Link& link, const grpc::Status& status, const grpc::ClientContext& context);
+  // Lines for those of other servers than this one; empty: there are none.
+  std::string OtherRefusals(const Link& link) const;
+  // What to do with a call that failed: it is over; no server has begun it and the next one can be
+  // asked; or after a pause, because a server that waits is about to take over.
+  enum class Next { kGiveUp, kAsk, kPause };
+  // After a call over `link` that failed: the next call goes to another server.
+  Next MoveOn(const Link& link, const grpc::Status& status, const grpc::ClientContext& context);
+  // The same for a call that may be made again; waits where there is to be a pause. False: it is
+  // over. `begin`: of the first attempt.
+  bool MayAskAgain(const Link& link, const grpc::Status& status, const grpc::ClientContext& context,
+                   std::chrono::steady_clock::time_point begin);
   absl::Status Explain(const Link& link, const grpc::Status& status,
                        std::chrono::milliseconds timeout) const;
   // A session or calibration that does not exist: with what was probably meant, or what there is.
@@ -180,6 +194,8 @@ class ServerConnection {
   mutable std::mutex mutex_;
   wire::ServerList servers_;
   std::shared_ptr<const Link> link_;  // to servers_.current()
+  // What waiting servers and standbys said since one has answered, by their addresses.
+  std::map<std::string, std::string> refusals_;
 };
 
 // The resource in a response.

@@ -17,6 +17,8 @@ namespace rigcal::wire {
 inline constexpr char kActiveServerKey[] = "rigcal-active-server";
 // How the message of such a refusal begins.
 inline constexpr char kNotActive[] = "this server is not the active one";
+// In those of a server that takes over by itself when the active one is gone.
+inline constexpr char kTakesOver[] = "takes over by itself";
 
 // INVALID_ARGUMENT unless `address` is HOST:PORT, with a port from 1 to 65535, or unix:/PATH.
 absl::Status ValidateServerAddress(std::string_view address);

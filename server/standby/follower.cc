@@ -152,8 +152,9 @@ absl::StatusOr<ChangesAnswer> Follower::Ask() {
 
 absl::Status Follower::Round() {
   const absl::StatusOr<ChangesAnswer> asked = Ask();
-  if (absl::IsFailedPrecondition(asked.status()) && role_.role != RoleOfData::kStandby) {
-    // It has data of its own, which it must not serve meanwhile either.
+  if (absl::IsFailedPrecondition(asked.status()) && !role_.complete) {
+    // It cannot follow there, and says so at its start; with data of its own it must not serve that
+    // meanwhile either.
     const std::lock_guard lock(mutex_);
     refused_ = asked.status();
     changed_.notify_all();
@@ -237,7 +238,8 @@ absl::Status Follower::Take(const ChangesAnswer& answer) {
   for (const ReplicaRecord& record : answer.sessions) {
     const auto known = sessions.find(record.id);
     const bool same = answer.all && known != sessions.end() && known->second == record.mark;
-    if (!same) RIGCAL_RETURN_IF_ERROR(TakeRecord(ReplicaKind::kSession, record.id));
+    // After a start of either, or a takeover, rows here may be cut into other batches than there.
+    if (!same) RIGCAL_RETURN_IF_ERROR(TakeRecord(ReplicaKind::kSession, record.id, answer.all));
     if (!same || answer.run_id != run_id_) NoteDurable(record.id);
   }
   const auto calibrations = MarksOf(own.calibrations);
@@ -302,10 +304,11 @@ absl::Status Follower::DeleteOthers(const ReplicaListing& own, const ChangesAnsw
   return erase(ReplicaKind::kCalibration, own.calibrations, answer.calibrations);
 }
 
-absl::Status Follower::TakeRecord(ReplicaKind kind, const std::string& id) {
+absl::Status Follower::TakeRecord(ReplicaKind kind, const std::string& id, bool anew_at_once) {
   const auto no_file = [](const std::string&, const std::string&) { return absl::OkStatus(); };
   absl::Status status;
   for (const bool anew : {false, true}) {
+    if (anew_at_once && !anew) continue;
     std::vector<ReplicaStream> streams;
     if (kind == ReplicaKind::kSession && !anew) {
       RIGCAL_ASSIGN_OR_RETURN(streams, target_.ReplicaStreams(id));

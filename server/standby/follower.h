@@ -65,7 +65,8 @@ class Follower {
   absl::Status TakeShared();
   absl::Status TakeFile(const std::string& name, const std::string& content);
   absl::Status DeleteOthers(const ReplicaListing& own, const ChangesAnswer& answer);
-  absl::Status TakeRecord(ReplicaKind kind, const std::string& id);
+  // `anew_at_once`: whatever is here of it.
+  absl::Status TakeRecord(ReplicaKind kind, const std::string& id, bool anew_at_once = false);
   absl::Status CheckRoom() const;
   void NoteDurable(const std::string& session);
   void Tell(const absl::Status& status);

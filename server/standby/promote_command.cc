@@ -47,7 +47,9 @@ absl::StatusOr<Promotion> PromoteFolder(const std::string& data_dir, bool force)
 
 PromoteCommand::PromoteCommand(CLI::App* app)
     : promote_(app->add_subcommand(
-          "promote", "Make a standby (--follow) take over from its primary, at once")) {
+          "promote",
+          "Make a standby (--follow) take over from its primary, at once; --data-dir names its "
+          "folder")) {
   promote_->add_flag("--force", force_,
                      "Even though the primary answers, or parts of its data are missing here");
 }

@@ -22,10 +22,12 @@ std::string NameOf(const ServerEntry& server) {
 
 Refusal RefusalFor(const std::optional<ServerEntry>& active) {
   if (!active) {
-    return {.message = "it is about to take over; try again in a moment", .active_server = ""};
+    return {.message = "it takes over by itself, now; try again in a moment", .active_server = ""};
   }
-  return {.message = absl::StrCat("it waits, and ", NameOf(*active),
-                                  " answers; name both with a comma between (--server A,B)"),
+  return {.message = absl::StrCat(
+              "it waits, and ", NameOf(*active),
+              " answers; it takes over by itself when that one ends. Name both with a comma "
+              "between (--server A,B)"),
           .active_server = active->address};
 }
 

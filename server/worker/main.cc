@@ -146,6 +146,12 @@ int RunProgram(int argc, char** argv) {
                       : RunWorker(STDIN_FILENO, STDOUT_FILENO);
   }
   if (status.ok()) return 0;
+  if (parent == 0) {
+    status = absl::Status(status.code(),
+                          absl::StrCat(std::string(status.message()),
+                                       ". To take calibrations from the database of a server: "
+                                       "rigcal-worker --store postgresql://USER@HOST/DATABASE"));
+  }
   if (absl::IsResourceExhausted(status)) return kWorkerOutOfMemory;
   spdlog::error("{}", std::string(status.message()));
   return 1;

@@ -141,7 +141,9 @@ TEST_F(SolveWorkers, OneIsKilledOrStopsAndTheOtherEndsWhatItHad) {
     return SolvedBy("c-000002").find(absl::StrCat("(process ", holder->pid(), ")")) !=
            std::string::npos;
   }));
-  EXPECT_THAT(Rigcal({"worker", "list"}).output, HasSubstr("c-000002"));
+  EXPECT_TRUE(WaitFor([&] {
+    return Rigcal({"worker", "list"}).output.find("c-000002") != std::string::npos;
+  })) << Rigcal({"worker", "list"}).output;
   EXPECT_NE(Rigcal({"session", "delete", "wave", "--yes"}).exit_code, 0) << "it is being read";
   holder->Signal(SIGKILL);
   ExpectSucceeds("c-000002");

@@ -90,8 +90,11 @@ TEST_F(StandbyRefusals, CallsOfAStandbyNameThePrimary) {
 TEST_F(StandbyRefusals, FollowersOfAFollower) {
   const auto primary = Start("primary");
   const auto standby = Start("standby", {"--follow", primary->address()});
-  const auto third = Start("third", {"--follow", standby->address()});
-  EXPECT_TRUE(Says(*third, "a standby follows only a server that serves"));
+  Process third({{"rigcal-server", "--listen", "127.0.0.1:0", "--data-dir", Folder("third"),
+                  "--follow", standby->address()},
+                 {}});
+  EXPECT_EQ(third.Wait(), 1);
+  EXPECT_THAT(third.StandardError(), HasSubstr("a standby follows only a server that serves"));
   const CommandResult promoted = Promote(Folder("third"));
   EXPECT_THAT(promoted.error, HasSubstr("this standby has never had all data of"));
 }

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -66,15 +67,16 @@ class WithStandby : public RunningWave {
 
   // The primary is killed, the standby promoted; it serves at the primary's address then, as agents
   // know no other.
-  void TakeOver() {
+  void TakeOver() { TakeOver(StandbyFolder(), 2); }
+  void TakeOver(
+      const std::string& folder, int generation, const std::function<void()>& once_killed = [] {}) {
     const int port = server_->port();
-    const std::string new_address = standby_->address();
     Kill(&server_);
+    once_killed();
     const auto start = std::chrono::steady_clock::now();
-    const CommandResult promoted =
-        RunCommand({"rigcal-server", "promote", "--data-dir", StandbyFolder()});
+    const CommandResult promoted = RunCommand({"rigcal-server", "promote", "--data-dir", folder});
     ASSERT_EQ(promoted.exit_code, 0) << promoted.error << standby_->process().StandardError();
-    EXPECT_THAT(promoted.output, HasSubstr("generation 2"));
+    EXPECT_THAT(promoted.output, HasSubstr(absl::StrCat("generation ", generation)));
     // In the same process, without a restart by hand.
     ASSERT_TRUE(WaitFor([&] {
       return standby_->process().StandardError().find("rigcal-server 0.1.0 listens on") !=
@@ -85,7 +87,7 @@ class WithStandby : public RunningWave {
     standby_->process().Signal(SIGTERM);
     EXPECT_EQ(standby_->process().Wait(), 0);
     standby_.reset();
-    server_ = std::make_unique<ServerProcess>(StandbyFolder(), port);
+    server_ = std::make_unique<ServerProcess>(folder, port);
   }
 
   std::unique_ptr<ServerProcess> standby_;
@@ -103,6 +105,29 @@ TEST_F(KeptUntilStandby, LosesNothingWhenThePrimaryIsKilled) {
   TakeOver();
   ExpectNothingLostAndTheSameResult();
   ExpectSound(StandbyFolder());
+}
+
+// The old primary's rows are cut into other batches than those that the agents have sent again.
+TEST_F(KeptUntilStandby, LosesNothingWhenTheOldPrimaryFollowsAndTakesOverAgain) {
+  const std::string first = (directory_.path() / "store").string();
+  StartStandby();
+  Begin();
+  WaitForRows(150);
+  // Its last rows stay in the spools until it is gone.
+  standby_->process().Signal(SIGSTOP);
+  WaitForRows(300);
+  TakeOver(StandbyFolder(), 2, [&] { standby_->process().Signal(SIGCONT); });
+  WaitForRows(450);
+  standby_ =
+      std::make_unique<ServerProcess>(first, 0, std::map<std::string, std::string>(),
+                                      std::vector<std::string>{"--follow", server_->address()});
+  ASSERT_TRUE(WaitFor([&] {
+    return standby_->process().StandardError().find("has everything of it") != std::string::npos;
+  })) << standby_->process().StandardError();
+  WaitForRows(600);
+  TakeOver(first, 3);
+  ExpectNothingLostAndTheSameResult();
+  ExpectSound(first);
 }
 
 TEST_F(KeptUntilStandby, LosesNothingWhenTheStandbyWasKilledBefore) {

@@ -310,6 +310,7 @@ std::string FormatHead(const v1::Calibration& calibration) {
   return Printable(absl::StrCat(
       "calibration  ", calibration.id(), " (rig ", calibration.rig(), ", version ",
       calibration.version(), "): ", EnumWord(calibration.state()),
+      calibration.progress().waiting().empty() ? "" : "; ", calibration.progress().waiting(),
       calibration.session_ids_size() == 1 ? "\nsession      " : "\nsessions     ",
       calibration.session_ids().empty() ? std::string("none")
                                         : absl::StrJoin(calibration.session_ids(), ", "),

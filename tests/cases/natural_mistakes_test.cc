@@ -174,7 +174,7 @@ TEST_F(NaturalMistakes, NamesOfCommandsAndOptions) {
       {{"rigcal", "session", "create", "-target", kWand}, 2, "it is --target"},
       {{"rigcal", "session", "create", "--wand", kWand}, 2, "'--wand'"},
       {{"rigcal", "local", "{dir}/rig", "--target", kWand}, 2, "did you mean --data {dir}/rig?"},
-      {{"rigcal", "calibration", "show", "c-000001"}, 2, "did you mean 'rigcal calibration get'?"},
+      {{"rigcal", "calibration", "gett", "c-000001"}, 2, "did you mean 'rigcal calibration get'?"},
       {{"rigcal", "calibration", "ls"}, 2, "did you mean 'rigcal calibration list'?"},
       {{"rigcal", "calibrate", "wave", "--accept", "2"}, 2, "did you mean --accept-mm?"},
       {{"rigcal", "calibrate", "wave", "--checkerboard", "9x6"}, 2, "'--checkerboard'"},

@@ -104,7 +104,10 @@ const StoredTable* FindStoredTable(std::string_view name) {
 void AddToDigest(std::string_view bytes, uint32_t* digest) {
   const uint64_t size = bytes.size();
   uLong crc = crc32_z(*digest, reinterpret_cast<const Bytef*>(&size), sizeof(size));
-  crc = crc32_z(crc, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size());
+  // zlib begins anew for a null pointer, which an empty value may have.
+  if (!bytes.empty()) {
+    crc = crc32_z(crc, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size());
+  }
   *digest = static_cast<uint32_t>(crc);
 }
 

@@ -45,7 +45,7 @@ TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
     keys += line.find(" = ") != std::string::npos ? 1 : 0;
     text += (line.substr(0, 1) == "#" ? line.substr(1) : line) + "\n";
   }
-  EXPECT_EQ(keys, 31);
+  EXPECT_EQ(keys, 33);
   ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(text));
   EXPECT_EQ(config.listen, ServerConfig().listen);
   EXPECT_EQ(config.log_level, ServerConfig().log_level);

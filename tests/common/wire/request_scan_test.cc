@@ -21,6 +21,7 @@
 #include "rigcal/v1/lens_service.pb.h"
 #include "rigcal/v1/live_service.pb.h"
 #include "rigcal/v1/maintenance_service.pb.h"
+#include "rigcal/v1/replication_service.pb.h"
 #include "rigcal/v1/rig_service.pb.h"
 #include "rigcal/v1/session_service.pb.h"
 #include "rigcal/v1/status_service.pb.h"
@@ -63,7 +64,8 @@ std::set<const Descriptor*> RequestTypes() {
         v1::ConnectRequest::descriptor()->file(), v1::GetLiveRequest::descriptor()->file(),
         v1::CompactRequest::descriptor()->file(), v1::GetSessionRequest::descriptor()->file(),
         v1::GetStatusRequest::descriptor()->file(), v1::GetRigRequest::descriptor()->file(),
-        v1::TriangulateRequest::descriptor()->file(), v1::GetLensRequest::descriptor()->file()}) {
+        v1::TriangulateRequest::descriptor()->file(), v1::GetLensRequest::descriptor()->file(),
+        v1::ListChangesRequest::descriptor()->file()}) {
     EXPECT_EQ(file->service_count(), 1) << file->name();
     for (int i = 0; i < file->service(0)->method_count(); ++i) {
       const Descriptor* const request = file->service(0)->method(i)->input_type();

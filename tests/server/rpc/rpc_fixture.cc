@@ -29,6 +29,7 @@ void RpcFixture::OpenServer() {
         live_->RecordDelivery(delivery, outcome);
       });
   ingest_->Start();
+  standbys_ = std::make_unique<server::StandbyBook>(&faulty_->changes());
   rpc_ = std::make_unique<server::RpcServer>(
       rpc_options_, server::RpcServerParts{.store = faulty_.get(),
                                            .ingest = ingest_.get(),
@@ -38,7 +39,8 @@ void RpcFixture::OpenServer() {
                                            .registry = registry_.get(),
                                            .audit = audit_.get(),
                                            .identities = identities_.get(),
-                                           .live = live_.get()});
+                                           .live = live_.get(),
+                                           .standbys = standbys_.get()});
   ASSERT_OK_AND_ASSIGN(port_, rpc_->Start());
   channel_ = rpc_->InProcessChannel();
 }
@@ -46,6 +48,7 @@ void RpcFixture::OpenServer() {
 void RpcFixture::CloseServer() {
   channel_.reset();
   rpc_.reset();
+  standbys_.reset();
   ingest_.reset();
   live_.reset();
 }

@@ -13,6 +13,7 @@
 #include "rigcal/v1/status_service.grpc.pb.h"
 #include "server/ingest/ingest.h"
 #include "server/live/live_tracker.h"
+#include "server/replica/standby_book.h"
 #include "server/rpc/rpc_server.h"
 #include "tests/server/rpc/test_agent.h"
 #include "tests/server/session/runner_fixture.h"
@@ -49,6 +50,7 @@ class RpcFixture : public RunnerFixture {
   // Makes the live state when a test calls Update; its own thread does not run.
   std::unique_ptr<server::LiveTracker> live_;
   std::unique_ptr<server::Ingest> ingest_;
+  std::unique_ptr<server::StandbyBook> standbys_;
   std::unique_ptr<server::RpcServer> rpc_;
   int port_ = 0;
   std::shared_ptr<grpc::Channel> channel_;

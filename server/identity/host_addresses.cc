@@ -56,12 +56,12 @@ std::vector<std::string> InterfaceAddresses() {
   return addresses;
 }
 
+}  // namespace
+
 std::string OwnHostName() {
   std::array<char, 256> name{};
   return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
 }
-
-}  // namespace
 
 bool IsLoopbackHost(const std::string& host) {
   const bool four_bytes = host.find_first_not_of("0123456789.") == std::string::npos;

@@ -28,6 +28,9 @@ absl::Status EnsureServerIdentity(const std::filesystem::path& data_dir,
 // EnsureServerIdentity leaves them as they are, if they belong together.
 bool HasForeignCa(const std::filesystem::path& folder);
 
+// The name that this PC has been given; empty: it has none.
+std::string OwnHostName();
+
 // Where others reach a server that listens on this host: every address and the names of this PC for
 // "0.0.0.0" and "[::]", else the host itself. Link-local addresses are left out.
 std::vector<std::string> ReachableHosts(const std::string& listen_host);

@@ -4,7 +4,6 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include <array>
 #include <exception>
 #include <memory>
 #include <utility>
@@ -13,6 +12,7 @@
 #include "common/log/correlation_id.h"
 #include "common/log/log_fields.h"
 #include "common/status/status_macros.h"
+#include "server/identity/server_identity.h"
 #include "server/session/calibration_request.h"
 #include "server/session/job_heartbeat.h"
 #include "server/session/utc_clock.h"
@@ -38,9 +38,7 @@ void GiveBack(bool counts, Calibration* calibration) {
 }  // namespace
 
 JobHolder ThisHolder(std::string software_version, bool is_server) {
-  std::array<char, 256> host{};
-  gethostname(host.data(), host.size() - 1);
-  return {.host = host.data(),
+  return {.host = OwnHostName(),
           .pid = getpid(),
           .software_version = std::move(software_version),
           .is_server = is_server};

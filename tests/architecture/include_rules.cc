@@ -66,6 +66,7 @@ const std::vector<Layer>& Layers() {
        {"server/estimate", "server/monitor", "server/rpc", "server/worker/main.cc"}},
       {"server: care of the data, turns of several servers", {"server/care", "server/turn"}},
       {"server: standbys", {"server/standby"}},
+      {"server: its parts put together", {"server/program"}},
 
       {"client: connection, output", {"client/net", "client/output"}},
       {"client: results", {"client/results", "client/tables"}},
@@ -122,8 +123,8 @@ std::optional<size_t> LayerNumber(const std::string& folder) {
 // Who turns messages into what the rest of the tree knows.
 const std::vector<std::string>& SeesMessages() {
   static const auto* const kFolders = new std::vector<std::string>{
-      "agent/uplink", "client",     "common/export",    "common/wire",
-      "server/jobs",  "server/rpc", "server/store/sql", "server/worker"};
+      "agent/uplink",   "client",     "common/export",    "common/wire",  "server/jobs",
+      "server/program", "server/rpc", "server/store/sql", "server/worker"};
   return *kFolders;
 }
 
@@ -161,7 +162,7 @@ const std::vector<LibraryRule>& LibraryRules() {
       {"CLI11",
        {"CLI/"},
        {"client", "common/command_line", "agent/command", "agent/main.cc", "server/care",
-        "server/main.cc", "server/standby", "server/worker/main.cc"}},
+        "server/main.cc", "server/program", "server/standby", "server/worker/main.cc"}},
       {"HDF5", {"hdf5", "H5"}, {"agent/event_files"}},
       {"Prometheus", {"prometheus/"}, {"server/metrics"}},
       {"HTTP", {"boost/beast", "boost/asio"}, {"server/http", "common/enrolment"}},

@@ -79,6 +79,7 @@ v1::ConnectRequest Conversation::Hello() {
     const KnownServers::Server known = agent_.known_servers->Last();
     hello->set_known_server_id(known.id);
     hello->set_known_generation(known.generation);
+    hello->set_known_generation_proof(known.proof);
   }
   return message;
 }
@@ -133,7 +134,9 @@ absl::Status Conversation::HandleHello(const v1::ServerHello& hello) {
   }
   if (agent_.known_servers != nullptr) {
     RIGCAL_RETURN_IF_ERROR(
-        agent_.known_servers->Meet(server_, hello.server_id(), hello.generation()));
+        agent_.known_servers->Meet(server_, {.id = hello.server_id(),
+                                             .generation = hello.generation(),
+                                             .proof = hello.generation_proof()}));
   }
   if (!agent_.server_id.empty() && agent_.server_id != hello.server_id()) {
     spdlog::warn(

@@ -18,6 +18,7 @@ class KnownServers {
   struct Server {
     std::string id;  // empty: none
     uint64_t generation = 0;
+    std::string proof = {};  // ServerHello.generation_proof; empty: it gave none
   };
 
   // DATA_LOSS: the file is damaged; it is named.
@@ -26,7 +27,7 @@ class KnownServers {
   const Server& Last() const { return last_; }
   // The server at `address` has introduced itself. Generation 0: of a release without them.
   // FAILED_PRECONDITION: another one has taken over from it. Else the errors of writing the file.
-  absl::Status Meet(const std::string& address, const std::string& id, uint64_t generation);
+  absl::Status Meet(const std::string& address, const Server& server);
 
  private:
   explicit KnownServers(std::filesystem::path file) : file_(std::move(file)) {}

@@ -48,6 +48,7 @@ struct AgentHello {
   // Of the server with the highest generation that it has spoken with; empty and 0: none.
   std::string known_server_id = {};
   uint64_t known_generation = 0;
+  std::string known_generation_proof = {};  // of that server; empty: it gave none
 };
 
 }  // namespace rigcal

@@ -62,6 +62,7 @@ absl::StatusOr<AgentHello> FromProto(const v1::AgentHello& proto) {
   hello.keeps_until_standby = proto.keeps_until_standby();
   hello.known_server_id = proto.known_server_id();
   hello.known_generation = proto.known_generation();
+  hello.known_generation_proof = proto.known_generation_proof();
   for (int i = 0; i < proto.cameras_size(); ++i) {
     const v1::AnnouncedCamera& camera = proto.cameras(i);
     const std::string field = absl::StrCat("hello.cameras[", i, "]");

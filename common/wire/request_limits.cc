@@ -25,6 +25,7 @@ constexpr FieldLimit kLimits[] = {
     {.field = "rigcal.v1.AgentHello.cameras", .count = kCameras},
     {.field = "rigcal.v1.AgentHello.host", .bytes = kWord},
     {.field = "rigcal.v1.AgentHello.installation_secret", .bytes = kWord},
+    {.field = "rigcal.v1.AgentHello.known_generation_proof", .bytes = kWord},
     {.field = "rigcal.v1.AgentHello.known_server_id", .bytes = kName},
     {.field = "rigcal.v1.AgentHello.pending", .count = 8192},
     {.field = "rigcal.v1.AgentHello.rig", .bytes = kName},

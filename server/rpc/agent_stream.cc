@@ -17,6 +17,7 @@
 #include "common/wire/protocol_version.h"
 #include "common/wire/request_traits.h"
 #include "common/wire/spool_wire.h"
+#include "server/identity/generation_proof.h"
 #include "server/rpc/agent_stream_link.h"
 #include "server/session/utc_clock.h"
 
@@ -148,13 +149,28 @@ absl::Status AgentStream::CheckName(AgentHello* hello) const {
 
 absl::Status AgentStream::CheckGeneration(const AgentHello& hello) const {
   if (environment_.standbys == nullptr || hello.known_server_id != environment_.server_id ||
-      hello.known_generation <= environment_.generation) {
+      hello.known_generation <= environment_.generation.number) {
     return absl::OkStatus();
+  }
+  const absl::Status proven =
+      CheckGenerationProof(environment_.generation.identity_folder, environment_.server_id,
+                           hello.known_generation, hello.known_generation_proof);
+  if (!proven.ok()) {
+    spdlog::warn(
+        "agent '{}' says that a standby with generation {} has taken over from this server, and "
+        "cannot prove it ({}): this server goes on. If one has, tell this server: stop it, and "
+        "start it with --follow",
+        hello.agent.agent_id, hello.known_generation, std::string(proven.message()));
+    return absl::FailedPreconditionError(absl::StrCat(
+        "agent '", hello.agent.agent_id, "' knows generation ", hello.known_generation,
+        " of this server, which has generation ", environment_.generation.number,
+        ", and cannot prove it: remove server.generation from the agent's state folder if no ",
+        "standby has taken over"));
   }
   environment_.standbys->Supersede(hello.known_generation,
                                    absl::StrCat("agent ", hello.agent.agent_id, " says so"));
   return absl::FailedPreconditionError(
-      absl::StrCat("this server has generation ", environment_.generation, ", and agent '",
+      absl::StrCat("this server has generation ", environment_.generation.number, ", and agent '",
                    hello.agent.agent_id, "' has spoken with generation ", hello.known_generation,
                    ": a standby has taken over, and this server stops"));
 }
@@ -199,7 +215,8 @@ void AgentStream::Register(AgentHello hello) {
   answer.set_takes_offers(true);
   answer.set_software_version(std::string(wire::kSoftwareVersion));
   answer.set_server_id(environment_.server_id);
-  answer.set_generation(environment_.generation);
+  answer.set_generation(environment_.generation.number);
+  answer.set_generation_proof(environment_.generation.proof);
   answer.set_max_message_bytes(environment_.options.max_message_bytes);
   answer.set_max_batch_observations(environment_.options.max_batch_rows);
   if (environment_.options.servers) {

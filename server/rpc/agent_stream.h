@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -46,6 +47,13 @@ struct AgentStreamOptions {
   std::function<std::vector<std::string>()> servers = {};
 };
 
+// How often a standby has taken over from the server of this data, and what proves it.
+struct DataGeneration {
+  uint64_t number = 0;                         // 0: nobody can follow this server
+  std::filesystem::path identity_folder = {};  // empty: this server has no keys
+  std::string proof = {};                      // ProveGeneration
+};
+
 // What all agent streams of a server share; outlives them.
 struct AgentStreamEnvironment {
   // PERMISSION_DENIED or ALREADY_EXISTS, with a line in the audit log: somebody claims what is not
@@ -62,7 +70,7 @@ struct AgentStreamEnvironment {
   CallSecurity* security = nullptr;
   AgentRegistry* registry = nullptr;  // null: agents and cameras belong to nobody
   StandbyBook* standbys = nullptr;    // null: nobody follows this server
-  uint64_t generation = 0;            // of this server's data
+  DataGeneration generation;
   StreamsWithoutHello without_hello{options.max_streams_without_hello};
   // For what the reaction of a stream must not wait for; two tasks per open stream at most.
   TaskQueue tasks{"agent streams"};

@@ -17,7 +17,7 @@ IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coo
                              Ingest* ingest, PreviewBroker* previews, DetectorBroker* detectors,
                              CameraChoices* choices, std::string server_id, CallSecurity* security,
                              AgentRegistry* registry, StandbyBook* standbys,
-                             uint64_t generation)
+                             DataGeneration generation)
     : environment_{.options = options,
                    .coordinator = coordinator,
                    .ingest = ingest,
@@ -28,7 +28,7 @@ IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coo
                    .security = security,
                    .registry = registry,
                    .standbys = standbys,
-                   .generation = generation} {
+                   .generation = std::move(generation)} {
   environment_.tasks.Start();
 }
 

@@ -15,7 +15,7 @@ class IngestService final : public v1::IngestService::CallbackService {
   IngestService(AgentStreamOptions options, SessionCoordinator* coordinator, Ingest* ingest,
                 PreviewBroker* previews, DetectorBroker* detectors, CameraChoices* choices,
                 std::string server_id, CallSecurity* security, AgentRegistry* registry,
-                StandbyBook* standbys, uint64_t generation);
+                StandbyBook* standbys, DataGeneration generation);
   // After the server has ended every stream.
   ~IngestService() override { environment_.tasks.Shutdown(); }
 

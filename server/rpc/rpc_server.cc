@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/status/status_macros.h"
+#include "server/identity/generation_proof.h"
 #include "server/rpc/api_calls.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/call_hooks.h"
@@ -23,15 +24,25 @@ constexpr std::chrono::milliseconds kLookInterval{2};
 constexpr std::chrono::milliseconds kFarewell{100};
 constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
-    "rigcal.v1.AgentService",   "rigcal.v1.CameraService",       "rigcal.v1.IdentityService",
-    "rigcal.v1.SessionService", "rigcal.v1.CalibrationService",  "rigcal.v1.LensService",
-    "rigcal.v1.LiveService",    "rigcal.v1.MaintenanceService",  "rigcal.v1.ReplicationService",
+    "rigcal.v1.AgentService",   "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
+    "rigcal.v1.SessionService", "rigcal.v1.CalibrationService", "rigcal.v1.LensService",
+    "rigcal.v1.LiveService",    "rigcal.v1.MaintenanceService", "rigcal.v1.ReplicationService",
     "rigcal.v1.RigService",     "rigcal.v1.StatusService",      "rigcal.v1.TriangulationService"};
 
-// 0: of a store that nobody follows.
-uint64_t GenerationOf(Store& store) {
+// Without a number: of a store that nobody follows.
+DataGeneration GenerationOf(Store& store, const std::filesystem::path& identity_folder) {
   const ReplicaSource* const source = store.replica_source();
-  return source == nullptr ? 0 : source->Generation().value_or(0);
+  DataGeneration generation{.identity_folder = identity_folder};
+  if (source == nullptr) return generation;
+  generation.number = source->Generation().value_or(0);
+  auto proof = ProveGeneration(identity_folder, store.server_id(), generation.number);
+  if (proof.ok()) {
+    generation.proof = *std::move(proof);
+  } else {
+    spdlog::warn("agents get no proof of this server's generation: {}",
+                 std::string(proof.status().message()));
+  }
+  return generation;
 }
 
 RpcEndpointOptions EndpointOptions(const RpcServerOptions& options, const Ingest* ingest) {
@@ -55,8 +66,9 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
       readers_(options_.readers, parts.store, parts.coordinator),
       live_answers_(parts.live),
       ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_, &detectors_,
-                      &choices_, parts.store->server_id(), &endpoint_.security(), parts.registry, parts.standbys,
-                      GenerationOf(*parts.store)) {
+                      &choices_, parts.store->server_id(), &endpoint_.security(), parts.registry,
+                      parts.standbys,
+                      GenerationOf(*parts.store, options_.endpoint.identity_folder)) {
   services_.push_back(MakeAgentService(parts, &choices_));
   services_.push_back(MakeCameraService(parts, &previews_, &detectors_, &choices_));
   services_.push_back(MakeIdentityService(parts));

@@ -24,25 +24,39 @@ TEST(KnownServers, RefusesALowerGenerationAlsoAfterARestart) {
     auto known = KnownServers::Open(file);
     ASSERT_THAT(known, IsOk());
     EXPECT_EQ(known->Last().id, "");
-    EXPECT_THAT(known->Meet("pc-1:7420", "a", 1), IsOk());
-    EXPECT_THAT(known->Meet("pc-2:7420", "a", 2), IsOk());
+    EXPECT_THAT(known->Meet("pc-1:7420", {.id = "a", .generation = 1, .proof = "p\n1"}), IsOk());
+    EXPECT_THAT(known->Meet("pc-2:7420", {.id = "a", .generation = 2, .proof = "p\n2"}), IsOk());
   }
   auto known = KnownServers::Open(file);
   ASSERT_THAT(known, IsOk());
   EXPECT_EQ(known->Last().generation, 2u);
-  EXPECT_THAT(known->Meet("pc-1:7420", "a", 1),
+  EXPECT_EQ(known->Last().proof, "p\n2");
+  EXPECT_THAT(known->Meet("pc-1:7420", {.id = "a", .generation = 1, .proof = "p\n1"}),
               StatusIs(absl::StatusCode::kFailedPrecondition,
                        AllOf(HasSubstr("pc-1:7420 has generation 1"), HasSubstr("generation 2"))));
-  EXPECT_THAT(known->Meet("pc-2:7420", "a", 2), IsOk());
+  EXPECT_THAT(known->Meet("pc-2:7420", {.id = "a", .generation = 2, .proof = "p\n2"}), IsOk());
   // Another server; and one of a release without generations.
-  EXPECT_THAT(known->Meet("pc-3:7420", "b", 1), IsOk());
-  EXPECT_THAT(known->Meet("pc-3:7420", "b", 0), IsOk());
+  EXPECT_THAT(known->Meet("pc-3:7420", {.id = "b", .generation = 1, .proof = "p\n1"}), IsOk());
+  EXPECT_THAT(known->Meet("pc-3:7420", {.id = "b", .generation = 0, .proof = "p\n0"}), IsOk());
+}
+
+TEST(KnownServers, TakesAProofThatComesLater) {
+  const ::rigcal::testing::TemporaryDirectory directory;
+  const auto file = directory.path() / "server.generation";
+  std::ofstream(file) << "a 2\n";  // of a release without proofs
+  auto known = KnownServers::Open(file);
+  ASSERT_THAT(known, IsOk());
+  EXPECT_EQ(known->Last().proof, "");
+  EXPECT_THAT(known->Meet("pc-2:7420", {.id = "a", .generation = 2, .proof = "p"}), IsOk());
+  // It stays where the same server gives none.
+  EXPECT_THAT(known->Meet("pc-2:7420", {.id = "a", .generation = 2}), IsOk());
+  EXPECT_EQ(KnownServers::Open(file)->Last().proof, "p");
 }
 
 TEST(KnownServers, ADamagedFileIsNamed) {
   const ::rigcal::testing::TemporaryDirectory directory;
   const auto file = directory.path() / "server.generation";
-  for (const char* text : {"", "a", "a b"}) {
+  for (const char* text : {"", "a", "a b", "a 2 ?"}) {
     std::ofstream(file) << text;
     EXPECT_THAT(KnownServers::Open(file),
                 StatusIs(absl::StatusCode::kDataLoss, HasSubstr(file.string())))

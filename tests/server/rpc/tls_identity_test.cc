@@ -9,9 +9,12 @@
 #include <thread>
 
 #include "common/wire/grpc_status.h"
+#include "server/identity/generation_proof.h"
+#include "server/identity/server_identity.h"
 #include "tests/server/rpc/tls_fixture.h"
 #include "tests/testing/process.h"
 #include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
 
 namespace rigcal::testing::tls_identity_test {
 namespace {
@@ -159,6 +162,38 @@ TEST_F(TlsRecord, OnlyCertificatesOnRecordGetInAndStayIn) {
   std::filesystem::remove(identity() / "identities.json");
   EXPECT_FALSE(again.AwaitEnd().ok());
   EXPECT_TRUE(AuditSays("its certificate is not on record")) << Audit();
+}
+
+TEST_F(TlsRecord, AnAgentsWordAloneDoesNotStopAServer) {
+  uint64_t superseded = 0;
+  standbys_->OnSuperseded(
+      [&](uint64_t generation, const std::string&) { superseded = generation; });
+  const TestCertificate certificate = ca_.MakeAgent("pc1");
+  Record(certificate);
+  v1::AgentHello hello = MakeHello("pc1", {"left"});
+  hello.set_known_server_id(store().server_id());
+  hello.set_known_generation(7);
+  const TemporaryDirectory elsewhere;
+  ASSERT_THAT(server::EnsureServerIdentity(elsewhere.path(), {"pc"}), IsOk());
+  ASSERT_OK_AND_ASSIGN(
+      const std::string others,
+      server::ProveGeneration(server::IdentityDirectory(elsewhere.path()), store().server_id(), 7));
+  ASSERT_OK_AND_ASSIGN(const std::string lower,
+                       server::ProveGeneration(identity(), store().server_id(), 6));
+  for (const std::string& proof : {std::string(), others, lower}) {
+    hello.set_known_generation_proof(proof);
+    TestAgent agent(Channel(certificate), hello);
+    EXPECT_THAT(agent.AwaitEnd(),
+                StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("cannot prove it")));
+    EXPECT_EQ(superseded, 0u);
+  }
+  ASSERT_OK_AND_ASSIGN(const std::string proof,
+                       server::ProveGeneration(identity(), store().server_id(), 7));
+  hello.set_known_generation_proof(proof);
+  TestAgent agent(Channel(certificate), hello);
+  EXPECT_THAT(agent.AwaitEnd(), StatusIs(absl::StatusCode::kFailedPrecondition,
+                                         HasSubstr("a standby has taken over")));
+  EXPECT_EQ(superseded, 7u);
 }
 
 TEST_F(TlsIdentity, ANewServerCertificateIsTakenUnderLoadAndABrokenOneIsNot) {

@@ -114,7 +114,6 @@ class MarkerMeter {
   std::vector<uint8_t> foreign_;  // by pixel of the window: Foreign, why it is not the marker
   std::vector<uint16_t> arc_of_;  // by pixel of the window
   // One sigma of the background behind a pixel, grey levels, by arc and channel.
-  std::vector<Eigen::Vector3f> unsure_grey_;
   std::vector<float> turns_;  // directions of a row's pixels
   std::vector<float> share_;  // by pixel of the window: coverage, not clipped
   Eigen::Matrix2d reach_ = Eigen::Matrix2d::Identity();  // the part of the window that is filled

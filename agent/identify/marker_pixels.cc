@@ -28,10 +28,6 @@ constexpr double kEnoughPixels = 700;  // pixels of a rim; more are thinned out
 // The ring right beside the outline where something else is near: gap, width, length of an arc.
 constexpr double kBesidePx = 1.6, kBesideWidthPx = 1.8, kBesideArcPx = 1.6;
 constexpr double kBesideNoise = 0.03;  // takes the place of kModelNoise there
-// One sigma of the background behind a pixel there, per step to the next arc: the border between
-// two things may be anywhere, not just where the ring shows it.
-constexpr float kUnsureStep = 1.5f;
-
 // Root of the sum of two squares. std::hypot would also cope with overflow.
 float Root(float a, float b) { return std::sqrt(a * a + b * b); }
 
@@ -103,11 +99,6 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
                        plateau.dot(luma) > kLeastLuma * plateau.norm();
   if (by_luma) pixels->clipped = centre.saturated != std::array<bool, 3>{};
   const Eigen::Matrix2d outside = aperture.Grown(how.reach_px);
-  unsure_grey_.assign(arcs.size(), Eigen::Vector3f::Zero());
-  for (size_t k = 0; how.near && k < arcs.size(); ++k) {
-    const auto noise_grey = static_cast<float>(centre.noise_grey);
-    unsure_grey_[k] = kUnsureStep * how.background.StepAt(k, noise_grey);
-  }
   const bool large = aperture.b > 2 * kRimPx;
   const Eigen::Matrix2d inside = aperture.Grown(large ? -kRimPx : 0);
   // A sphere that is close to the camera has many pixels, which all say the same.
@@ -129,19 +120,12 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     const Eigen::Vector3f background = how.background.At(direction, &arc);
     const Eigen::Vector3f above = GreyAt(image, x, y) - background;
     Eigen::Vector3f range = plateau - background;
-    Eigen::Vector3f unsure = Eigen::Vector3f::Zero();
-    if (how.near) {
-      // The share of the background that is seen at this pixel.
-      const double out_px = (std::sqrt(d.dot(aperture.shape * d)) - 1) * aperture.b;
-      const double seen = std::clamp(0.5 + 0.5 * out_px, 0.0, 1.0);
-      unsure = static_cast<float>(seen) * unsure_grey_[arc];
-    }
     if (by_luma) {
       const float contrast = range.dot(luma);
       if (std::abs(contrast) < least) return;
       pixels->Add(at_x, at_y, above.dot(luma) / contrast,
                   1 / Root(single_noise / std::abs(contrast), model_noise), 1,
-                  background.maxCoeff() >= kSaturatedGrey, std::abs(unsure.dot(luma) / contrast));
+                  background.maxCoeff() >= kSaturatedGrey);
       return;
     }
     if (!mosaic_) {
@@ -150,8 +134,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
       if (squared < least * least) return;
       pixels->Add(at_x, at_y, above.dot(range) / squared,
                   1 / Root(single_noise / std::sqrt(squared), model_noise), 1,
-                  background.cwiseProduct(used).maxCoeff() >= kSaturatedGrey,
-                  unsure.cwiseProduct(used).norm() / std::sqrt(squared));
+                  background.cwiseProduct(used).maxCoeff() >= kSaturatedGrey);
       return;
     }
     const int channel = mosaic_->Channel(x, y);
@@ -160,7 +143,7 @@ void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, Outli
     pixels->Add(at_x, at_y, above[channel] / range[channel],
                 1 / Root(single_noise / range[channel], model_noise),
                 std::clamp(range.maxCoeff() / range[channel], -kMostWhite, kMostWhite),
-                background[channel] >= kSaturatedGrey, unsure[channel] / std::abs(range[channel]));
+                background[channel] >= kSaturatedGrey);
   };
   how.background.ForDirections(how.window, aperture.centre_px, outside, &turns_, add);
   pixels->FillUp();

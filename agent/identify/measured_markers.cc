@@ -19,9 +19,7 @@ constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;  // limit: first + s
 constexpr double kHardlyOnOutline = 0.4;  // while the marker's surroundings are not known
 constexpr int kNearRounds = 2;
 constexpr double kBrighterBehind = 0.5;  // saturated_behind, above which only near pixels are used
-constexpr double kUnevenBackground = 0.04;  // background_steps, above which FitBeside fits again
-constexpr double kMostEdgePx = 1;           // the blur of a softer one reaches what is beside it
-constexpr double kWorkOfFit = 500;          // in pixels that a measurement reads
+constexpr double kWorkOfFit = 500;       // in pixels that a measurement reads
 
 }  // namespace
 
@@ -74,7 +72,6 @@ const MeasuredMarker* MeasuredMarkers::Measure(const ImageView& image, absl::Spa
   measured.blob_moment_px2 = seen.second_moment_px2;
   measured.tried = false;
   measured.outline.reset();
-  measured.moved_px.setZero();
   measured.good = meter_.Measure(image, seen, &measured.centre) &&
                   measured.centre.contrast_grey >= kMinContrastGrey;
   if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
@@ -119,26 +116,6 @@ bool MeasuredMarkers::FitNear(const ImageView& image, MeasuredMarker* measured,
     around.second_moment_px2 = outline->SecondMoment();
   }
   return true;
-}
-
-void MeasuredMarkers::FitBeside(const ImageView& image, int blob) {
-  MeasuredMarker& measured = OfBlob(blob);
-  const MarkerCentre& centre = measured.centre;
-  if (!measured.outline || centre.has_neighbour || centre.cut ||
-      centre.background_steps < kUnevenBackground || measured.outline->edge_px > kMostEdgePx) {
-    return;
-  }
-  Blob around;
-  around.centre_px = measured.outline->centre_px;
-  around.second_moment_px2 = measured.outline->SecondMoment();
-  SphereOutline again = *measured.outline;
-  if (!meter_.CollectNear(image, around, centre, &beside_) ||
-      !fitter_.Fit(beside_, around.second_moment_px2, {}, &again) || !IsOnOutline(again)) {
-    return;
-  }
-  measured.moved_px = again.centre_px - measured.outline->centre_px;
-  measured.outline = again;
-  std::swap(measured.pixels, beside_);
 }
 
 }  // namespace rigcal::agent

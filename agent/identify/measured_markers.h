@@ -22,8 +22,6 @@ struct MeasuredMarker {
   OutlinePixels pixels;
   bool tried = false;                    // to fit the outline
   std::optional<SphereOutline> outline;  // fitted with any slope of the light
-  // How far the outline moved when it was fitted against the background right beside it.
-  Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();
 };
 
 // Tells whether an outline is that of a whole sphere. Beyond the image's border (`is_cut`) less of
@@ -49,8 +47,6 @@ class MeasuredMarkers {
     return markers_[static_cast<size_t>(index_of_[static_cast<size_t>(blob)])];
   }
   const std::optional<SphereOutline>& OutlineOf(const ImageView& image, int blob);
-  // Fits the outline again, against the background right beside it, if the background is uneven.
-  void FitBeside(const ImageView& image, int blob);
   SphereOutlineFitter* fitter() { return &fitter_; }
 
  private:
@@ -61,7 +57,6 @@ class MeasuredMarkers {
 
   MarkerMeter meter_;
   SphereOutlineFitter fitter_;
-  OutlinePixels beside_;
   std::vector<MeasuredMarker> markers_;  // the first count_ are of this image
   size_t count_ = 0;
   std::vector<int> index_of_;  // by blob of this search; -1: not measured

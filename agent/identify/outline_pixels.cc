@@ -2,12 +2,11 @@
 #include "agent/identify/outline_pixels.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace rigcal::agent {
 
 void OutlinePixels::Clear() {
-  for (auto* values : {&x, &y, &coverage, &precision, &white, &saturated_behind, &unsure}) {
+  for (auto* values : {&x, &y, &coverage, &precision, &white, &saturated_behind}) {
     values->clear();
   }
   stick_side.clear();
@@ -15,28 +14,17 @@ void OutlinePixels::Clear() {
 }
 
 void OutlinePixels::Add(float at_x, float at_y, float its_coverage, float its_precision,
-                        float its_white, bool is_saturated_behind, float how_unsure) {
+                        float its_white, bool is_saturated_behind) {
   x.push_back(at_x);
   y.push_back(at_y);
   coverage.push_back(its_coverage);
   precision.push_back(its_precision);
   white.push_back(its_white);
   saturated_behind.push_back(is_saturated_behind ? 1.0f : 0.0f);
-  unsure.push_back(how_unsure);
 }
 
 void OutlinePixels::FillUp() {
   while (!x.empty() && x.size() % kGroup != 0) Add(x.back(), y.back(), coverage.back(), 0);
-}
-
-bool OutlinePixels::CountUnsure() {
-  bool is_unsure = false;
-  for (size_t i = 0; i < size(); ++i) {
-    is_unsure |= unsure[i] > 0;
-    precision[i] /= std::sqrt(1 + unsure[i] * precision[i] * unsure[i] * precision[i]);
-    unsure[i] = 0;
-  }
-  return is_unsure;
 }
 
 bool OutlinePixels::IsOutshone() const {

@@ -19,8 +19,6 @@ struct OutlinePixels {
   std::vector<float> white;
   // 1 if the background behind is saturated, else 0. There the edge appears further inside.
   std::vector<float> saturated_behind;
-  // One sigma of the coverage because the background changes here; not yet in the precision.
-  std::vector<float> unsure;
   // Where the stick may be: 1 on the side of the wand's first marker, 2 on that of its last one,
   // else 0. Empty before MarkStick.
   std::vector<uint8_t> stick_side;
@@ -29,10 +27,8 @@ struct OutlinePixels {
 
   void Clear();
   void Add(float at_x, float at_y, float its_coverage, float its_precision, float its_white = 1,
-           bool is_saturated_behind = false, float how_unsure = 0);
+           bool is_saturated_behind = false);
   void FillUp();  // pads to whole groups
-  // Moves `unsure` into the precision; returns false if there is none.
-  bool CountUnsure();
   size_t size() const { return x.size(); }
   // Tells whether some of them have a saturated background.
   bool IsOutshone() const;

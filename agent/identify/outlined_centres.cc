@@ -32,7 +32,6 @@ constexpr double kLeastEdgeNoise = 0.55;
 constexpr double kPlacePerEdge = 2.0 / kOutlineSectors;  // place's variance over a sector's
 constexpr double kBackgroundError = 0.22;                // widths of the edge, per background_steps
 constexpr double kNeighbourPx = 0.05;  // one sigma of the edge, if something else is near
-constexpr double kBesideError = 0.9;   // of MeasuredMarker::moved_px
 constexpr double kCutError = 0.045;    // radii, of an outline that the border cuts
 constexpr double kAloneError = 0.2;    // radii, if a marker is hidden and none has an outline
 constexpr double kMostSigmaPx = 0.5;   // centres that are less well known are not delivered
@@ -107,7 +106,6 @@ class OutlinedCentres {
     light_sigma_ = SlopeSigma(fitted_, false);
     FitOutlines();
     scatters_ = ScatterOf(outlines_);
-    for (size_t k = 0; k < markers_.size(); ++k) CountUnsure(k);
     first_ = outlines_;
     has_hidden_ = wand_.OccludedCount() > 0;
     has_outline_ =
@@ -138,18 +136,6 @@ class OutlinedCentres {
                                          LightOver(ScatterOf(outline)), &outline)) {
         outline = *fitted_[k];
       }
-      outlines_[k] = outline;
-    }
-  }
-
-  // All pixels tell how a sphere's edge scatters, those with a known background its place.
-  void CountUnsure(size_t k) {
-    if (!outlines_[k] || without_.Has(WandMechanism::kUnsureBackground)) return;
-    OutlinePixels& pixels = *markers_[k].pixels;
-    if (!pixels.CountUnsure()) return;
-    SphereOutline outline = *outlines_[k];
-    if (fitter_.Fit(pixels, wand_.centres[k].second_moment_px2, LightOver(scatters_[k].noise),
-                    &outline)) {
       outlines_[k] = outline;
     }
   }
@@ -191,8 +177,6 @@ class OutlinedCentres {
     // A slightly wrong radius or shape moves the middle of what the border leaves.
     if (centre.cut) wrong_px = std::hypot(wrong_px, kCutError * outline.radius_px);
     WidenByNear(k, outline.edge_px);
-    const Eigen::Vector2d moved_px = kBesideError * markers_[k].moved_px;
-    centre.covariance_px2 += moved_px * moved_px.transpose();
     wrong_px = std::hypot(wrong_px, WidenByLight(outline, &centre));
     centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
     const double sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace());

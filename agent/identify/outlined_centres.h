@@ -11,9 +11,8 @@ namespace rigcal::agent {
 
 // One marker; null if the outline cannot be fitted.
 struct OutlinedMarker {
-  const SphereOutline* outline = nullptr;              // fitted with any slope of the light
-  OutlinePixels* pixels = nullptr;                     // changed by MarkStick and CountUnsure
-  Eigen::Vector2d moved_px = Eigen::Vector2d::Zero();  // MeasuredMarker::moved_px
+  const SphereOutline* outline = nullptr;  // fitted with any slope of the light
+  OutlinePixels* pixels = nullptr;         // changed by MarkStick
 };
 using OutlinedMarkers = absl::InlinedVector<OutlinedMarker, 3>;
 

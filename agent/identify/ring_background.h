@@ -151,15 +151,6 @@ class RingBackground {
     return (1 - share) * arcs_[first].background + share * arcs_[second].background;
   }
 
-  // Largest change from arc `k` to its neighbours, by channel, beyond twice `noise_grey`.
-  Eigen::Vector3f StepAt(size_t k, float noise_grey) const {
-    const Eigen::Array3f own = arcs_[k].background;
-    const Eigen::Array3f before = arcs_[k > 0 ? k - 1 : arcs_.size() - 1].background;
-    const Eigen::Array3f after = arcs_[k + 1 < arcs_.size() ? k + 1 : 0].background;
-    const Eigen::Array3f step = (before - own).abs().max((after - own).abs());
-    return (step - 2 * noise_grey).max(0.0f);
-  }
-
   // The arcs of the last Read in the order of their directions; each has an opposite one.
   std::vector<Arc>& arcs() { return arcs_; }
   const std::vector<Arc>& arcs() const { return arcs_; }

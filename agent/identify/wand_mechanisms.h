@@ -10,8 +10,6 @@ namespace rigcal::agent {
 enum class WandMechanism : uint32_t {
   kRestoredOutlines,  // spheres that only their outlines show to be whole
   kLambertShading,    // white light by Lambert's law
-  kBesideOutlines,    // outlines against the background right beside them, where it is uneven
-  kUnsureBackground,  // pixels before a border between two backgrounds count less
   kOtherSpheres,      // size and softness that the other spheres predict
   kPaleLevels,        // colours paler than configured
 };

@@ -138,9 +138,8 @@ bool WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   OutlinedMarkers markers(wand->blobs.size());
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!markers_.OutlineOf(image, wand->blobs[k])) continue;
-    if (!without_.Has(WandMechanism::kBesideOutlines)) markers_.FitBeside(image, wand->blobs[k]);
     MeasuredMarker& measured = markers_.OfBlob(wand->blobs[k]);
-    markers[k] = {&*measured.outline, &measured.pixels, measured.moved_px};
+    markers[k] = {&*measured.outline, &measured.pixels};
   }
   SetOutlinedCentres(markers, markers_.fitter(), wand, without_);
   const size_t seen = wand->blobs.size() - static_cast<size_t>(wand->OccludedCount());

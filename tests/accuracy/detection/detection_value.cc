@@ -28,8 +28,6 @@ struct NamedMechanism {
 const NamedMechanism kMechanisms[] = {
     {"restored_outlines", WandMechanism::kRestoredOutlines},
     {"lambert", WandMechanism::kLambertShading},
-    {"beside_outlines", WandMechanism::kBesideOutlines},
-    {"unsure_background", WandMechanism::kUnsureBackground},
     {"other_spheres", WandMechanism::kOtherSpheres},
     {"pale_levels", WandMechanism::kPaleLevels},
 };

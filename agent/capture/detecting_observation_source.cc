@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "agent/capture/camera_status.h"
 #include "agent/detect/frame/colour_share.h"
+#include "agent/detect/frame/other_spacing.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -187,22 +188,8 @@ void DetectingObservationSource::CheckExposure(const Frame& frame) {
 }
 
 std::string DetectingObservationSource::OtherTarget() const {
-  if (detection_.other_size_ratio > 0) {
-    return absl::StrFormat(
-        "three like spheres are spaced as the target says, but look %.2g times as large for their "
-        "distance as a diameter of %g m does. Check diameter= and the positions of --target "
-        "(metres)",
-        detection_.other_size_ratio, target_.diameter_m);
-  }
-  if (detection_.other_middle_share > 0) {
-    const std::vector<double>& told_m = target_.marker_positions_m;
-    const double told = told_m[1] / told_m.back();
-    return absl::StrFormat(
-        "three like spheres in line are no wand as told: the middle one is at %.2f of their "
-        "distance, the target says %.2f. Check --target",
-        detection_.other_middle_share, std::min(told, 1 - told));
-  }
-  return detection_.other_target;
+  const std::string other_wand = OtherWandText(detection_, target_);
+  return other_wand.empty() ? detection_.other_target : other_wand;
 }
 
 // Never where the target was seen, and not of single frames.

@@ -191,8 +191,8 @@ absl::Status Explain(const DetectFlags& flags, const Target& target, const Frame
     if (!frame) break;
     RIGCAL_ASSIGN_OR_RETURN(const WandExplanation explanation, detector.Explain(frame->image));
     const std::string name = absl::StrCat("picture ", count + 1);
-    out << (flags.format == "json" ? ExplanationJson(name, explanation)
-                                   : FormatExplanation(name, explanation, options.min_confidence));
+    out << (flags.format == "json" ? ExplanationJson(name, explanation, target)
+                                   : FormatExplanation(name, explanation, target, options.min_confidence));
   }
   frames->Stop();
   return count > 0 ? absl::OkStatus() : absl::FailedPreconditionError("there were no frames");

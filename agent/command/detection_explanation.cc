@@ -5,10 +5,12 @@
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "agent/detect/frame/other_spacing.h"
 #include "common/target/detection_outcome.h"
 
 namespace rigcal::agent {
@@ -23,6 +25,14 @@ std::string Places(const VerifiedWand& wand) {
                           centre.centre_px.y());
   }
   return text;
+}
+
+nlohmann::ordered_json PlacesJson(const VerifiedWand& wand) {
+  auto places = nlohmann::ordered_json::array();
+  for (const MarkerCentre& centre : wand.centres) {
+    places.push_back({centre.centre_px.x(), centre.centre_px.y()});
+  }
+  return places;
 }
 
 // "54 : 1", "1 : 8".
@@ -69,43 +79,91 @@ std::string FormatCandidate(size_t number, const WandTrial& trial, double min_co
   return text;
 }
 
-std::map<std::string, int> Refusals(const WandExplanation& explanation) {
-  std::map<std::string, int> counts;
+// Sets of blobs that were not scored, by the reason.
+std::map<std::string, std::vector<const WandTrial*>> Refusals(const WandExplanation& explanation) {
+  std::map<std::string, std::vector<const WandTrial*>> refusals;
   for (const WandTrial& trial : explanation.trials) {
-    if (!trial.refusal.empty()) ++counts[std::string(trial.refusal)];
+    if (!trial.refusal.empty()) refusals[std::string(trial.refusal)].push_back(&trial);
   }
-  return counts;
+  return refusals;
+}
+
+std::string FormatRefusals(const WandExplanation& explanation) {
+  std::string text;
+  for (const auto& [reason, trials] : Refusals(explanation)) {
+    absl::StrAppend(&text, "  ", trials.size(),
+                    trials.size() == 1 ? " set of blobs" : " sets of blobs",
+                    " refused before: ", reason, "\n");
+    // Several colours give the same blobs.
+    std::set<std::string> places;
+    for (const WandTrial* trial : trials) places.insert(Places(trial->wand));
+    size_t shown = 0;
+    for (const std::string& place : places) {
+      if (++shown <= kShown) absl::StrAppend(&text, "    at ", place, " px\n");
+    }
+  }
+  return text;
+}
+
+// Why no candidate became a wand, beyond what is said of each; empty: nothing more is known.
+std::string WhyNone(const WandExplanation& explanation, const Target& target) {
+  const Detection& detection = explanation.detection;
+  if (detection.outcome == DetectionOutcome::kWand) return "";
+  const std::string other = OtherWandText(detection, target);
+  if (!other.empty()) return other;
+  if (detection.blob_count == 0) {
+    return absl::StrFormat(
+        "%.2g %% of the picture has the wand's colour, none of it as large as a sphere: if the "
+        "wand "
+        "is there, `rigcal-agent tune` on some pictures finds its colour",
+        100 * detection.passed_share);
+  }
+  const int needed = static_cast<int>(target.marker_positions_m.size());
+  if (detection.blob_count < needed) {
+    return absl::StrFormat("a wand of this target has %d spheres: %s not seen", needed,
+                           needed - detection.blob_count == 1
+                               ? "one is"
+                               : absl::StrCat(needed - detection.blob_count, " are"));
+  }
+  if (explanation.trials.empty()) {
+    return absl::StrFormat(
+        "no %d of the blobs are on a line, alike in size and spaced as the target says; a bent "
+        "wand "
+        "is not on a line",
+        needed);
+  }
+  return "";
 }
 
 }  // namespace
 
 std::string FormatExplanation(const std::string& name, const WandExplanation& explanation,
-                              double min_confidence) {
+                              const Target& target, double min_confidence) {
   const Detection& detection = explanation.detection;
   std::string text = absl::StrCat(name, ": ", std::string(DetectionOutcomeText(detection.outcome)));
   if (detection.outcome == DetectionOutcome::kWand) {
     absl::StrAppendFormat(&text, ", confidence %.3f", detection.confidence);
   }
   absl::StrAppend(&text, "; ", detection.blob_count, " blobs",
-                  detection.cut_short ? ", candidates left out for the time" : "", "\n");
+                  detection.cut_short ? ", candidates left out: too many" : "", "\n");
   size_t scored = 0;
   for (const WandTrial& trial : explanation.trials) {
     if (!trial.refusal.empty()) continue;
     if (++scored <= kShown) text += FormatCandidate(scored, trial, min_confidence);
   }
   if (scored > kShown) absl::StrAppend(&text, "\n  ", scored - kShown, " less likely ones\n");
-  if (scored == 0) text += "  no three blobs were scored\n";
-  for (const auto& [reason, count] : Refusals(explanation)) {
-    absl::StrAppend(&text, "  ", count, count == 1 ? " set of blobs" : " sets of blobs",
-                    " refused before: ", reason, "\n");
-  }
+  if (scored == 0 && detection.blob_count > 2) text += "  no three blobs were scored\n";
+  text += FormatRefusals(explanation);
+  const std::string why = WhyNone(explanation, target);
+  if (!why.empty()) absl::StrAppend(&text, "  ", why, "\n");
   if (detection.outcome == DetectionOutcome::kAmbiguous) {
     text += "  two candidates are about as likely, so neither is taken\n";
   }
   return text;
 }
 
-std::string ExplanationJson(const std::string& name, const WandExplanation& explanation) {
+std::string ExplanationJson(const std::string& name, const WandExplanation& explanation,
+                            const Target& target) {
   using Json = nlohmann::ordered_json;
   const Detection& detection = explanation.detection;
   Json json = {{"picture", name},
@@ -114,17 +172,15 @@ std::string ExplanationJson(const std::string& name, const WandExplanation& expl
                {"blobs", detection.blob_count},
                {"cut_short", detection.cut_short},
                {"candidates", Json::array()},
-               {"refused", Json::array()}};
+               {"refused", Json::array()},
+               {"why", WhyNone(explanation, target)}};
   for (const WandTrial& trial : explanation.trials) {
     if (!trial.refusal.empty()) continue;
-    Json candidate = {{"markers_px", Json::array()},
+    Json candidate = {{"markers_px", PlacesJson(trial.wand)},
                       {"log_odds", trial.wand.log_odds},
                       {"confidence", trial.wand.confidence},
                       {"lit", trial.is_lit},
                       {"features", Json::object()}};
-    for (const MarkerCentre& centre : trial.wand.centres) {
-      candidate["markers_px"].push_back({centre.centre_px.x(), centre.centre_px.y()});
-    }
     for (size_t k = 0; k < kWandFeatureCount; ++k) {
       const auto feature = static_cast<WandFeature>(k);
       candidate["features"][WeightOf(feature).name] = {
@@ -133,8 +189,13 @@ std::string ExplanationJson(const std::string& name, const WandExplanation& expl
     }
     json["candidates"].push_back(std::move(candidate));
   }
-  for (const auto& [reason, count] : Refusals(explanation)) {
-    json["refused"].push_back({{"reason", reason}, {"count", count}});
+  for (const auto& [reason, trials] : Refusals(explanation)) {
+    Json places = Json::array();
+    for (size_t i = 0; i < std::min(trials.size(), kShown); ++i) {
+      places.push_back(PlacesJson(trials[i]->wand));
+    }
+    json["refused"].push_back(
+        {{"reason", reason}, {"count", trials.size()}, {"markers_px", std::move(places)}});
   }
   return json.dump() + "\n";
 }

@@ -78,7 +78,7 @@ void AddFrameInput(CLI::App& command, FrameInput* input) {
   command.add_option("--camera", input->camera, "... and which of its cameras");
   command.add_option("--calibration", input->calibration,
                      "OpenCV YAML of the camera [the same path with .yaml, if it exists]");
-  command.add_option("--fps", input->fps, "Frame rate, if the frames have no times");
+  command.add_option("--fps", input->fps, "Frame rate, Hz, if the frames have no times");
   command.add_option("--set", input->settings,
                      "OPTION=VALUE of the source or the detector, as in a SPEC; repeatable");
 }

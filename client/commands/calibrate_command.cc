@@ -10,6 +10,7 @@
 #include "client/commands/rig_command.h"
 #include "client/net/polling.h"
 #include "client/net/server_connection.h"
+#include "client/output/quantities.h"
 #include "client/results/calibration_import.h"
 #include "client/results/ground_truth_comparison.h"
 #include "client/tables/calibration_table.h"
@@ -190,14 +191,35 @@ void ShowDifference(ServerConnection& server, const v1::Calibration& calibration
   }
 }
 
+// Sessions that were stopped finish once their agents have delivered everything. What else is wrong
+// with a session is the server's to say.
+void AwaitDrained(ServerConnection& server, const std::vector<std::string>& sessions,
+                  CommandContext& context) {
+  ProgressLine progress(context.console);
+  for (const std::string& id : sessions) {
+    const auto get = [&] {
+      return SessionOf(server.CallWithId(&v1::SessionService::Stub::GetSession, id));
+    };
+    const auto has_drained = [&](const v1::Session& now) {
+      if (now.state() != v1::Session::STATE_DRAINING) return true;
+      progress.Show(absl::StrCat("session ", id, " is being delivered"));
+      return false;
+    };
+    PollUntil(get, has_drained, PollOptions()).IgnoreError();
+  }
+}
+
 void SayWhatIsNext(const v1::Calibration& calibration, bool what_if, CommandContext& context) {
   if (context.console.format != OutputFormat::kTable) return;
   const std::string& id = calibration.id();
   // A what-if can never become active.
   context.console.Message(absl::StrCat(
       "next: rigcal calibration accuracy ", id, " (the error to expect where), ",
-      what_if ? "" : absl::StrCat("rigcal rig activate ", id, ", "), "rigcal calibration export ",
-      id, " --format opencv --output DIR; rigcal calibration get ", id, " shows this again"));
+      what_if || calibration.quality().grade() == v1::Quality::GRADE_BAD
+          ? ""
+          : absl::StrCat("rigcal rig activate ", id, ", "),
+      "rigcal calibration export ", id, " --format opencv --output DIR; rigcal calibration get ",
+      id, " shows this again"));
 }
 
 }  // namespace
@@ -224,6 +246,7 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
     }
     return ShowCalibration(*queued, context);
   }
+  AwaitDrained(server, options.sessions, context);
   const absl::StatusOr<v1::Calibration> calibration = CalibrateAndWait(server, request, context);
   if (!calibration.ok()) return context.Fail(calibration.status());
   if (calibration->state() == v1::Calibration::STATE_FAILED) {
@@ -244,6 +267,21 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
   return shown;
 }
 
+namespace {
+
+// "; see the finding wrong_wand_length"; empty: nothing was found that explains it.
+std::string MostLikelyCause(const v1::Calibration& calibration) {
+  for (const v1::Finding& finding : calibration.findings()) {
+    if (finding.severity() == v1::FINDING_SEVERITY_INFO) continue;
+    return absl::StrCat(
+        "; see the finding ", EnumWord(finding.kind()),
+        finding.camera().empty() ? "" : absl::StrCat(" of camera ", finding.camera()));
+  }
+  return "";
+}
+
+}  // namespace
+
 ExitCode ShowCalibration(const v1::Calibration& calibration, CommandContext& context,
                          const GroundTruthComparison* ground_truth) {
   if (context.console.format == OutputFormat::kJson) {
@@ -259,7 +297,13 @@ ExitCode ShowCalibration(const v1::Calibration& calibration, CommandContext& con
   }
   const bool bad = calibration.state() == v1::Calibration::STATE_SUCCEEDED &&
                    calibration.quality().grade() == v1::Quality::GRADE_BAD;
-  return bad ? ExitCode::kBelowQualityGate : ExitCode::kOk;
+  if (!bad) return ExitCode::kOk;
+  const v1::Quality& quality = calibration.quality();
+  context.console.Message(
+      absl::StrCat("the calibration is graded bad",
+                   quality.reasons().empty() ? "" : absl::StrCat(": ", quality.reasons(0)),
+                   MostLikelyCause(calibration)));
+  return ExitCode::kBelowQualityGate;
 }
 
 bool HasEnded(const v1::Calibration& calibration) {

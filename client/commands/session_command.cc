@@ -99,7 +99,8 @@ ExitCode ShowStarted(const absl::StatusOr<v1::Session>& session, CommandContext&
     return code;
   }
   context.console.Message(absl::StrCat("wave now; stop with: rigcal session stop ", session->id(),
-                                       " --wait (rigcal watch shows what the cameras see)"));
+                                       " --wait (rigcal watch --rig ", session->rig(),
+                                       " shows what the cameras see)"));
   return code;
 }
 

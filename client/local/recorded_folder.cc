@@ -119,6 +119,27 @@ void CheckCamera(const RecordedCamera& camera, const std::string& unused, FaultL
   }
 }
 
+// No two lenses have the same calibration; without distortion it may have been made up for all.
+void WarnOfCopiedLenses(RecordedFolder* folder) {
+  std::vector<std::pair<std::string, Intrinsics>> lenses;  // by camera
+  for (const RecordedCamera& camera : folder->cameras) {
+    const auto lens = ReadIntrinsicsFile(LensFileBeside(camera.recording.string()), camera.camera);
+    if (!lens.ok() ||
+        std::ranges::all_of(lens->intrinsics.distortion, [](double k) { return k == 0; })) {
+      continue;
+    }
+    const auto same =
+        std::ranges::find(lenses, lens->intrinsics, &std::pair<std::string, Intrinsics>::second);
+    if (same != lenses.end()) {
+      folder->warnings.push_back(absl::StrCat("cameras ", same->first, " and ", camera.camera,
+                                              " have the same intrinsics, to the last digit: one "
+                                              "lens file is a copy of the other; give "
+                                              "each camera its own"));
+    }
+    lenses.emplace_back(camera.camera, lens->intrinsics);
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
@@ -176,6 +197,7 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
     for (const std::string& warning : folder.warnings) faults.Add(warning);
   }
   RIGCAL_RETURN_IF_ERROR(faults.Result("", "\n"));
+  WarnOfCopiedLenses(&folder);
   return folder;
 }
 

@@ -111,7 +111,7 @@ std::string FormatComparison(const CalibrationComparison& comparison) {
   TextTable table;
   table.Words({"camera"})
       .Numbers({"position (mm)", "rotation (deg)", "time offset (ms)"}, "difference, B to A")
-      .Numbers({"A", "B"}, "mean residual (px)");
+      .Numbers({"A", "B"}, "mean residual, outliers included (px)");
   for (const CalibrationComparison::Camera& camera : comparison.cameras) {
     table.AddRow({camera.camera, FormatFixed(camera.difference.position_m * 1000, 3),
                   FormatFixed(camera.difference.rotation_deg, 4),

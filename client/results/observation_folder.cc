@@ -82,8 +82,8 @@ absl::Status ObservationFolder::Add(const ObservationBatch& batch) {
   if (!has_sphere_centres_ && HasSphereCentres(batch)) {
     has_sphere_centres_ = true;
     notes_.push_back(
-        "the rows hold the centres of the spheres, not of their images: leave diameter out of "
-        "--target, and triangulate with --diameter 0");
+        "the rows hold the centres of the spheres, not of their images: give no diameter with them "
+        "(a --target without diameter=, triangulate --diameter 0)");
   }
   return absl::OkStatus();
 }

@@ -101,8 +101,10 @@ CsvLineFault TimeFault(std::string_view field, int64_t unit_ns, bool is_number) 
   } else if (is_number && unit_ns > 1) {
     why = " is not a whole number of nanoseconds, in the unit that the header names";
   } else if (is_number && has_decimals) {
-    why += absl::StrCat(", as seconds with decimals are not: stamps are whole nanoseconds; ",
-                        "multiply seconds by 1e9, or name the column time_s in a header");
+    why += absl::StrCat(
+        ", as seconds with decimals are not: stamps are whole nanoseconds; ",
+        "multiply seconds by 1e9, or name the column in a header by its unit: time_s, time_ms or "
+        "time_us");
   } else if (is_number && known && std::abs(number) < 1) {
     why += "; write it in whole nanoseconds";
   }

@@ -105,11 +105,26 @@ absl::Status CheckDistinct(std::vector<double> positions) {
   return absl::OkStatus();
 }
 
+// Who leaves out the first marker's 0 means another wand than who measures from somewhere else.
+absl::Status CheckFirst(const std::vector<double>& positions) {
+  if (positions.empty() || positions.front() <= 0) return absl::OkStatus();
+  std::vector<double> with_zero = {0}, from_first;
+  for (const double position : positions) {
+    with_zero.push_back(position);
+    from_first.push_back(position - positions.front());
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("positions begin with the first marker's 0: did you mean ", WandText(with_zero),
+                   " (", with_zero.size(), " markers) or ", WandText(from_first), " (",
+                   from_first.size(), " markers)?"));
+}
+
 // Moves the positions to begin at 0.
 absl::Status Normalise(Target* target) {
   std::vector<double>& positions = target->marker_positions_m;
   RIGCAL_RETURN_IF_ERROR(CheckDistinct(positions));
   RIGCAL_RETURN_IF_ERROR(CheckOrder(positions));
+  if (target->kind == TargetKind::kWand) RIGCAL_RETURN_IF_ERROR(CheckFirst(positions));
   const double first = positions.empty() ? 0 : positions.front();
   for (double& position : positions) position -= first;
   if (!positions.empty() && positions.back() > kMaxWavedM) {

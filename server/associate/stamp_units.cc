@@ -86,6 +86,25 @@ std::optional<Unit> LikelyUnit(const Steps& steps) {
   return std::nullopt;
 }
 
+// A header that names a larger unit than the stamps have makes them too large.
+std::string TooLarge(const Steps& steps) {
+  const char* const units[][2] = {
+      {"seconds", "milliseconds"}, {"seconds", "microseconds"}, {"seconds", "nanoseconds"}};
+  double factor = 1;
+  for (const auto& [named, meant] : units) {
+    factor *= 1000;
+    Steps divided = steps;
+    divided.median_ns /= factor;
+    const double rate_hz = 1e9 / divided.median_ns;
+    if (rate_hz < kUsualMinHz || rate_hz > kUsualMaxHz || !IsPlausible(divided)) continue;
+    return absl::StrFormat(
+        "they are %.0f times too large (%.4g frames a second otherwise): if a header or a program "
+        "gave them as %s, they are %s",
+        factor, rate_hz, named, meant);
+  }
+  return "give them in nanoseconds";
+}
+
 std::string Describe(const CameraTrack& track, const Steps& steps) {
   const std::string name = absl::StrCat("camera ", track.camera.camera, ": ");
   if (steps.median_ns < 0.5) {
@@ -113,7 +132,7 @@ std::string Describe(const CameraTrack& track, const Steps& steps) {
                           "nanoseconds: multiply them by %d",
                           unit->name, rate_hz / static_cast<double>(unit->factor), unit->factor);
   } else {
-    absl::StrAppend(&text, ": its stamps cannot be nanoseconds; give them in nanoseconds");
+    absl::StrAppend(&text, ": its stamps cannot be nanoseconds; ", TooLarge(steps));
   }
   return text;
 }

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <vector>
 
+#include "absl/strings/str_format.h"
 #include "agent/detect/frame/spot_likeness.h"
 
 namespace rigcal::agent {
@@ -81,6 +82,24 @@ OtherWand FindOtherWand(absl::Span<const Spot> spots, const WandFinder& finder) 
     }
   }
   return found;
+}
+
+std::string OtherWandText(const Detection& detection, const Target& target) {
+  if (detection.other_size_ratio > 0) {
+    return absl::StrFormat(
+        "three like spheres are spaced as the target says, but look %.2g times as large for their "
+        "distance as a diameter of %g m does. Check diameter= and the positions of --target "
+        "(metres)",
+        detection.other_size_ratio, target.diameter_m);
+  }
+  if (detection.other_middle_share > 0) {
+    const double told = target.marker_positions_m[1] / target.marker_positions_m.back();
+    return absl::StrFormat(
+        "three like spheres in line are no wand as told: the middle one is at %.2f of their "
+        "distance, the target says %.2f. Check --target",
+        detection.other_middle_share, std::min(told, 1 - told));
+  }
+  return "";
 }
 
 }  // namespace rigcal::agent

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
+
 #include "absl/types/span.h"
 #include "agent/detect/frame/spot_finder.h"
+#include "agent/identify/detection.h"
 #include "agent/identify/wand_finder.h"
+#include "common/target/target.h"
 
 namespace rigcal::agent {
 
@@ -20,5 +24,9 @@ struct OtherWand {
 // alike in size, brightness and colour. Reports no difference if there are no such three, or
 // several times three. Only for targets of three markers.
 OtherWand FindOtherWand(absl::Span<const Spot> spots, const WandFinder& finder);
+
+// Says how the wand of a detection differs from the target's, and what to check. Empty: no other
+// wand was found.
+std::string OtherWandText(const Detection& detection, const Target& target);
 
 }  // namespace rigcal::agent

@@ -49,6 +49,7 @@ std::vector<Cause> FindFlippedMarkers(const CauseInput& input);
 std::vector<Cause> FindWrongWandLength(const CauseInput& input);
 std::vector<Cause> FindWrongTargetShape(const CauseInput& input);  // of a rigid target
 std::vector<Cause> FindUnseenEdges(const CauseInput& input);
+std::vector<Cause> FindAbsences(const CauseInput& input);  // cameras without rows for seconds
 std::vector<Cause> FindWeakLinks(const CauseInput& input);
 std::vector<Cause> FindNarrowBaselines(const CauseInput& input);
 std::vector<Cause> FindLoosePoses(const CauseInput& input);

@@ -27,11 +27,12 @@ using RepairFunction = Repair (*)(const CauseInput&);
 constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics,      RepairMovedCamera,
                                        RepairWand,   RepairRollingShutters, RepairClockCourse};
 using CauseFunction = std::vector<Cause> (*)(const CauseInput&);
-constexpr CauseFunction kCauses[] = {
-    FindClockOffsets,   FindClockRates,      FindPriorIntrinsics,  FindFarIntrinsics,
-    FindFlippedMarkers, FindWrongWandLength, FindWrongTargetShape, FindUnseenEdges,
-    FindWeakLinks,      FindNarrowBaselines, FindLoosePoses,       FindTooLittleData,
-    FindOutliersInSpan, FindOddCameras,      FindStampJitter,      FindDisplacedMarkers};
+constexpr CauseFunction kCauses[] = {FindClockOffsets,     FindClockRates,     FindPriorIntrinsics,
+                                     FindFarIntrinsics,    FindFlippedMarkers, FindWrongWandLength,
+                                     FindWrongTargetShape, FindUnseenEdges,    FindWeakLinks,
+                                     FindNarrowBaselines,  FindLoosePoses,     FindTooLittleData,
+                                     FindOutliersInSpan,   FindOddCameras,     FindStampJitter,
+                                     FindDisplacedMarkers, FindAbsences};
 
 void Append(std::vector<Cause> from, std::vector<Cause>* to) {
   to->insert(to->end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));

@@ -214,6 +214,7 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
     case FindingKind::kRowsOutOfOrder:
     case FindingKind::kFlippedLabels:
     case FindingKind::kEdgeCoverage:
+    case FindingKind::kCameraAbsent:
     case FindingKind::kIntrinsicsKept:
     case FindingKind::kIntrinsicsRefined:
     case FindingKind::kTimeMatchCorrected:

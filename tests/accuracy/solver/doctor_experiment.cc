@@ -24,6 +24,7 @@ bool IsSymptom(const Finding& finding) {
   switch (finding.kind) {
     case FindingKind::kClockFoundByMotion:
     case FindingKind::kEdgeCoverage:
+    case FindingKind::kCameraAbsent:
     case FindingKind::kIntrinsicsKept:
     case FindingKind::kIntrinsicsRefined:
     case FindingKind::kRestarted:

@@ -48,6 +48,17 @@ TEST_F(RecordedFolderTest, FindsTheCamerasByName) {
   EXPECT_TRUE(folder.warnings.empty());
 }
 
+TEST_F(RecordedFolderTest, NamesLensFilesThatAreCopies) {
+  for (const char* stem : {"left", "right", "top"}) Add(stem);
+  std::string lens = kYaml;
+  lens.replace(lens.find("[0, 0, 0, 0, 0]"), 15, "[-0.1, 0, 0, 0, 0]");
+  directory_.WriteFile("left.yaml", lens);
+  directory_.WriteFile("top.yaml", lens);
+  ASSERT_OK_AND_ASSIGN(const RecordedFolder folder, Read());
+  EXPECT_THAT(folder.warnings,
+              ElementsAre(HasSubstr("cameras left and top have the same intrinsics")));
+}
+
 TEST_F(RecordedFolderTest, GivesAbsolutePaths) {
   Add("left");
   Add("right");
@@ -97,9 +108,9 @@ TEST_F(RecordedFolderTest, NamesTheImagesWhoseLensIsMissingWhereNoRigIsLeft) {
   directory_.WriteFile("left/1000000000.png", "");
   directory_.WriteFile("left.yaml", kYaml);
   directory_.WriteFile("right/1000000000.png", "");
-  EXPECT_THAT(Read(), StatusIs(absl::StatusCode::kInvalidArgument,
-                               AllOf(HasSubstr("only one camera"),
-                                     HasSubstr("right shows images, but"))));
+  EXPECT_THAT(Read(),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("only one camera"), HasSubstr("right shows images, but"))));
 }
 
 TEST_F(RecordedFolderTest, NamesEventsWithoutIntrinsicsAndSecondRecordings) {

@@ -170,6 +170,7 @@ TEST(ParseTarget, QuotesWhatIsWrongAndShowsARightExample) {
       {"wand:0,130,390", "millimetres, write wand:0,0.13,0.39"},
       {"wand:0,13,39", "metres; if these are centimetres, write wand:0,0.13,0.39"},
       {"wand:0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16", "17 markers"},
+      {"wand:0.13,0.39", "mean wand:0,0.13,0.39 (3 markers) or wand:0,0.26 (2 markers)"},
       {"point:1", "point:1"},
       {"point;hz=1,2", "frequencies"},
   };

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string>
 
+#include "absl/strings/str_cat.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::stamp_units_test {
@@ -56,6 +57,18 @@ TEST(CheckStampUnits, NamesCameraUnitAndFactor) {
                                  AllOf(HasSubstr("camera wrong"), Not(HasSubstr("camera right")),
                                        HasSubstr(entry.words), HasSubstr(entry.factor))))
         << entry.rate_hz << " " << entry.unit_ns;
+  }
+}
+
+TEST(CheckStampUnits, NamesTheUnitThatAHeaderShouldHaveNamed) {
+  for (const auto& [too_large, meant] :
+       {std::pair(1e3, "milliseconds"), std::pair(1e6, "microseconds"),
+        std::pair(1e9, "nanoseconds")}) {
+    EXPECT_THAT(
+        CheckStampUnits({Track("a", 10 / too_large, 1)}),
+        StatusIs(absl::StatusCode::kInvalidArgument,
+                 AllOf(HasSubstr(absl::StrCat(static_cast<int64_t>(too_large), " times too large")),
+                       HasSubstr(absl::StrCat("they are ", meant)))));
   }
 }
 

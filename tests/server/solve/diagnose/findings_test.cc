@@ -284,6 +284,41 @@ TEST(Findings, CameraThatHangsOnFewInstants) {
   EXPECT_EQ(result.quality.grade, QualityGrade::kUsable);
 }
 
+void EraseRows(double from_s, double to_s, CameraTrack* track) {
+  const int64_t first_ns = track->observations.front().time_ns;
+  std::erase_if(track->observations, [&](const Observation& row) {
+    const double time_s = 1e-9 * static_cast<double>(row.time_ns - first_ns);
+    return time_s >= from_s && time_s < to_s;
+  });
+}
+
+TEST(Findings, CameraThatIsAwayForAPartOfTheRecording) {
+  const SimulatedWorld world = World("cameras=5;duration=30;seed=2");
+  CalibrationInput input = InputOf(world);
+  for (CameraTrack& track : input.tracks) {
+    for (size_t i = 200; i < 210; ++i) {
+      for (MarkerObservation& marker : track.observations[i].markers) marker = {};
+    }
+  }
+  EraseRows(12, 40, &input.tracks[1]);  // a file that was cut off
+  EraseRows(0, 6, &input.tracks[2]);
+  EraseRows(10, 16, &input.tracks[2]);
+  EraseRows(10, 13, &input.tracks[3]);  // for a moment
+  // Without rows where the wand is not seen nobody can tell.
+  std::erase_if(input.tracks[4].observations,
+                [](const Observation& row) { return row.VisibleCount() == 0; });
+  EraseRows(10, 20, &input.tracks[4]);
+  const CalibrationResult result = Solve(input, Fixed());
+  Strings absent = Alarms(result);
+  std::erase_if(absent, [](const std::string& one) { return !one.starts_with("camera_absent"); });
+  EXPECT_EQ(absent, (Strings{"camera_absent:sim_1", "camera_absent:sim_2"}));
+  for (const Finding& finding : result.findings) {
+    if (finding.kind != FindingKind::kCameraAbsent) continue;
+    EXPECT_NEAR(finding.value, finding.camera == "sim_1" ? 18 : 12, 0.5) << finding.advice;
+    EXPECT_EQ(finding.severity, FindingSeverity::kInfo);
+  }
+}
+
 TEST(Findings, TheRealRecordingNamesTheCameraWhoseClockIsOff) {
   RIGCAL_REQUIRE_RECORDED_DATA(folder);
   ASSERT_OK_AND_ASSIGN(const CalibrationInput input, RecordedInput(folder));

@@ -79,7 +79,8 @@ std::vector<size_t> PossibleSteps(const StampStream& stream, const StepEvidence&
   const int64_t large_ns = std::max(kLeastForwardNs, kLeastForwardPeriods * stream.period_ns);
   const int64_t small_ns = std::max(kLeastSmallNs, kLeastSmallPeriods * stream.period_ns);
   std::vector<size_t> steps;
-  for (size_t i = 1; i < RightRows(stream); ++i) {
+  const size_t count = RightRows(stream);
+  for (size_t i = 1; i < count; ++i) {
     const int64_t step_ns = StampDifference(stream.rows[i].time_ns(), stream.rows[i - 1].time_ns());
     const bool is_small = evidence && step_ns >= small_ns && GoesOn(stream, i);
     if (step_ns < 0 || step_ns >= large_ns || is_small) steps.push_back(i);

@@ -26,6 +26,7 @@
 #include "server/solve/bad_rows.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/motion_evidence.h"
+#include "server/solve/connected_part.h"
 #include "server/solve/derivation.h"
 #include "server/solve/evaluate/parameter_information.h"
 #include "server/solve/evaluate/pose_covariance.h"
@@ -35,6 +36,7 @@
 #include "server/solve/followed_clocks.h"
 #include "server/solve/frame_derivation.h"
 #include "server/solve/headline.h"
+#include "server/solve/initialize/overlap_graph.h"
 #include "server/solve/input_checks.h"
 #include "server/solve/kept_frame.h"
 #include "server/solve/lamp_readings.h"
@@ -210,12 +212,37 @@ absl::StatusOr<CalibrationResult> Finish(const RigObservations& rig,
   return result;
 }
 
+// The cameras that are connected, without the others; where that succeeds, what follows is of them
+// alone.
+absl::StatusOr<Solved> SolvePart(const ConnectedPart& part, const CalibrationHooks& hooks,
+                                 const std::map<std::string, CameraCounts>& counts,
+                                 RefusalCounter* refused, CalibrationOptions* options,
+                                 std::vector<ClockCorrection>* clocks, RigObservations* rig) {
+  std::vector<ClockCorrection> remaining = *clocks;
+  RigObservations rest = WithoutCameras(*rig, part.left_out, &remaining);
+  CalibrationOptions own = *options;
+  own.reference_camera = part.reference_camera;
+  RefusalCounter with_left_out = *refused;
+  for (const std::string& camera : part.left_out) {
+    with_left_out.Add(camera, RefusalReason::kOutlier, counts.at(camera).wand_count,
+                      "the whole camera was left out (see findings)");
+  }
+  absl::StatusOr<Solved> solved = SolveAndReport(
+      rest, remaining, SolveOptionsOf(rest, own, hooks, counts), own, counts, with_left_out);
+  if (!solved.ok()) return solved;
+  *refused = std::move(with_left_out);
+  *options = std::move(own);
+  *clocks = std::move(remaining);
+  *rig = std::move(rest);
+  return solved;
+}
+
 absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& asked,
                                       const CalibrationHooks& hooks, RefusalCounter* refused) {
   RIGCAL_RETURN_IF_ERROR(asked.Validate());
   if (ChangesFrameOnly(asked.kind)) return DeriveFrame(&input, asked, refused);
   RIGCAL_RETURN_IF_ERROR(ApplyDerivation(asked, &input));
-  const CalibrationOptions options = WithDefaults(asked, input);
+  CalibrationOptions options = WithDefaults(asked, input);
   RIGCAL_RETURN_IF_ERROR(ValidateInput(input, options));
   const auto progress = [&hooks](CalibrationStage stage, double fraction) {
     if (hooks.progress) hooks.progress(stage, fraction);
@@ -314,7 +341,21 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     return absl::FailedPreconditionError(
         absl::StrCat(spans, ". (", std::string(solved.status().message()), ")"));
   }
-  RIGCAL_RETURN_IF_ERROR(solved.status());
+  std::optional<ConnectedPart> part;
+  if (!solved.ok() && options.kind == SolveKind::kFull) {
+    part = FindConnectedPart(solved.status(), rig.index, options, !asked.reference_camera.empty());
+  }
+  if (part) {
+    absl::StatusOr<Solved> of_part =
+        SolvePart(*part, hooks, counts, refused, &options, &clocks, &rig);
+    if (absl::IsCancelled(of_part.status())) return of_part.status();
+    if (of_part.ok()) {
+      solved = std::move(of_part);
+    } else {
+      part.reset();
+    }
+  }
+  if (!solved.ok()) return WithoutGroups(solved.status());
   // Where a camera spoils the others, nothing is said about clocks and lenses.
   if (odd.kind == FindingKind::kUnspecified) {
     std::vector<Finding> chosen;
@@ -329,6 +370,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     CountAsOutliers(left_out, &solved->result);
     AddFindings(std::move(chosen), &*solved);
   }
+  if (part) AddFindings(std::move(part->findings), &*solved);
   AddFindings(of_stamps, &*solved);
   AddFindings(FindLampContradictions(LampPhasesOf(input.tracks, rig, solved->evaluated)), &*solved);
   *refused = std::move(solved->refused);

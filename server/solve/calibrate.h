@@ -56,12 +56,16 @@ struct CalibrationOutcome {
 // network.
 //
 // Errors of `result`: INVALID_ARGUMENT (options, a known distance with a wand, a camera without
-// intrinsics), FAILED_PRECONDITION (not connected: names the groups and the pair that would best
-// join them; too few instants; no camera; targets that do not go together), CANCELLED. Each says
-// what to do.
+// intrinsics), FAILED_PRECONDITION (not connected, with no group of three: names the groups and
+// the pair that would best join them; too few instants; no camera; targets that do not go
+// together), CANCELLED. Each says what to do.
 //
 // One camera that agrees with no pose among the others, in a rig of four and more, is left out: a
 // finding names it, its rows are counted in `refused`, and the result is that of the others.
+//
+// Of cameras that are not connected, the largest group of three or more is calibrated (that of the
+// reference camera where one was asked for); each of the others has a finding `weak_link` with what
+// to do.
 //
 // The rows of `input` are freed as soon as they have been read.
 CalibrationOutcome Calibrate(CalibrationInput input, const CalibrationOptions& options,

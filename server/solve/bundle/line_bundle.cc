@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/envelope_cholesky.h"
 #include "server/solve/bundle/line_bundle_system.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/bundle/target_scale.h"
@@ -211,6 +212,20 @@ absl::StatusOr<ReducedInformation> ComputeReducedInformation(const BundleOptions
                               solver.system().reduced_gradient()};
   };
   return WithSolver<ReducedInformation>(options, problem, compute);
+}
+
+absl::StatusOr<ReducedStep> ComputeReducedStep(const BundleOptions& options,
+                                               const BundleProblem& problem) {
+  const auto compute = [&problem](Solver& solver) -> absl::StatusOr<ReducedStep> {
+    if (!solver.system().Linearise(solver.estimate(), 0, false)) return UnseenMarker(problem);
+    const EnvelopeCholesky factor(solver.system().matrix());
+    if (!factor.ok()) {
+      return absl::FailedPreconditionError("bundle adjustment: a parameter is not determined");
+    }
+    return ReducedStep{solver.layout().parameters,
+                       -factor.Solve(solver.system().reduced_gradient()), factor.InverseWithin()};
+  };
+  return WithSolver<ReducedStep>(options, problem, compute);
 }
 
 }  // namespace rigcal::server

@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/solve/bundle/bundle_problem.h"
+#include "server/solve/bundle/envelope_matrix.h"
 
 namespace rigcal::server {
 
@@ -59,5 +60,17 @@ struct ReducedInformation {
 // Errors as of SolveLineBundle.
 absl::StatusOr<ReducedInformation> ComputeReducedInformation(const BundleOptions& options,
                                                              const BundleProblem& problem);
+
+// One Gauss-Newton step of everything but the instants, and of the inverse of its information the
+// blocks of parameters that an instant or a camera couples: of a large sparse problem no more than
+// its envelope is ever kept.
+struct ReducedStep {
+  std::vector<ReducedParameter> parameters;
+  Eigen::VectorXd step;
+  EnvelopeMatrix covariance;
+};
+// Errors as of SolveLineBundle; FAILED_PRECONDITION where a parameter is not determined.
+absl::StatusOr<ReducedStep> ComputeReducedStep(const BundleOptions& options,
+                                               const BundleProblem& problem);
 
 }  // namespace rigcal::server

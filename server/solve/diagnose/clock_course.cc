@@ -17,6 +17,8 @@
 namespace rigcal::server {
 namespace {
 
+// Around what its cameras saw: the course of a clock lies within it.
+constexpr int64_t kSightReachNs = 2'000'000'000;
 constexpr size_t kMaxPoints = 6000;
 constexpr size_t kMaxBlocks = 20, kMinBlocks = 6;
 constexpr size_t kMinSightsOfBlock = 45;
@@ -308,6 +310,29 @@ std::vector<CameraPart> PartsOf(const TrialProblem& trial, size_t rig_camera, in
   return parts;
 }
 
+// Instants within reach of those at which a clock's cameras saw the target: in a large rig, whose
+// cameras see the target in a part of the room alone, others say nothing of that clock.
+std::vector<size_t> NearSights(const TrialProblem& trial, int clock) {
+  std::vector<int64_t> sights_ns;
+  const std::vector<BundleInstant>& instants = trial.problem.instants;
+  for (size_t i = 0; i < instants.size(); ++i) {
+    const auto observations = trial.problem.ObservationsOf(instants[i]);
+    if (std::ranges::any_of(observations, [clock](const BundleObservation& observation) {
+          return observation.clock == clock;
+        })) {
+      sights_ns.push_back(trial.instant_time_ns[i]);
+    }
+  }
+  std::ranges::sort(sights_ns);
+  std::vector<size_t> near;
+  for (size_t i = 0; i < instants.size(); ++i) {
+    const int64_t time_ns = trial.instant_time_ns[i];
+    const auto after = std::ranges::lower_bound(sights_ns, time_ns - kSightReachNs);
+    if (after != sights_ns.end() && *after <= time_ns + kSightReachNs) near.push_back(i);
+  }
+  return near;
+}
+
 }  // namespace
 
 double ClockCourse::OffsetAt(double time_s) const {
@@ -333,22 +358,27 @@ std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
   const auto session_of = [&solution](int k) -> const std::string& {
     return solution.clocks[static_cast<size_t>(k)].session_id;
   };
+  const std::vector<size_t> near =
+      trial.shares_few ? NearSights(trial, clock) : std::vector<size_t>();
   const std::vector<TimedMarker> points = MarkersSeenBy(
       trial.problem, trial.instant_time_ns,
       [&](const BundleObservation& seen) {
         return seen.clock != clock && session_of(seen.clock) == session_of(clock);
       },
-      kMaxPoints);
+      kMaxPoints, trial.shares_few ? &near : nullptr);
   // As the trial corrects them: what a cause had spoilt that is taken out is no course.
   std::vector<ClockCorrection> clocks = solution.clocks;
   for (size_t k = 0; k < clocks.size(); ++k) {
     clocks[k].time_offset_s += trial.problem.clocks[k].time_offset_s;
     clocks[k].time_rate += trial.problem.clocks[k].time_rate;
   }
-  const auto times = RigTimes(rig.tracks, rig.index, clocks);
-  CourseMeter meter(PartsOf(trial, c, clock, origin_ns), *rig.index.cameras[c].intrinsics,
-                    PathsOf(rig.tracks[t], times[t], origin_ns, rig.TargetOf(t).marker_count()),
-                    points, origin_ns);
+  RigIndex alone;
+  alone.clock_of_track = {0};
+  const auto times = RigTimes({rig.tracks[t]}, alone, {clocks[static_cast<size_t>(clock)]});
+  CourseMeter meter(
+      PartsOf(trial, c, clock, origin_ns), *rig.index.cameras[c].intrinsics,
+      PathsOf(rig.tracks[t], times.front(), origin_ns, rig.TargetOf(t).marker_count()), points,
+      origin_ns);
   const size_t count = std::min(kMaxBlocks, meter.size() / kMinSightsOfBlock);
   if (count < kMinBlocks) return std::nullopt;
   const auto first = [&](size_t b) { return b * meter.size() / count; };

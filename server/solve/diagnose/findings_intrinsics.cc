@@ -3,6 +3,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,6 +13,8 @@
 #include "common/camera/intrinsics_vector.h"
 #include "server/solve/diagnose/finding_causes.h"
 #include "server/solve/evaluate/given_intrinsics.h"
+#include "server/solve/evaluate/lens_fit.h"
+#include "server/solve/evaluate/placed_views.h"
 #include "server/solve/rig/intrinsics_prior.h"
 
 namespace rigcal::server {
@@ -19,6 +22,7 @@ namespace {
 
 constexpr double kMinDisplacementPx = 1;
 constexpr double kIntrinsicsSigmas = 5;
+constexpr int kComparedIntrinsics = 5;  // focal lengths, centre, first coefficient
 constexpr double kMinIntrinsicsGain = 0.1;
 // Refined intrinsics further away than this many sigmas of their prior.
 constexpr double kPriorSigmas = 3;
@@ -117,7 +121,7 @@ std::string SwappedWith(const CauseInput& input, const BundleProblem& problem, s
 // The largest of focal lengths' and centre's changes, in sigmas.
 double Significance(const TrialSigmas& sigmas, int camera, const IntrinsicsVector& change) {
   double largest = 0;
-  for (int i = 0; i < 5; ++i) {
+  for (int i = 0; i < kComparedIntrinsics; ++i) {
     const double sigma = sigmas.Of({ReducedParameterKind::kIntrinsic, camera, i});
     largest = std::max(largest, std::abs(change[i]) / sigma);
   }
@@ -165,8 +169,37 @@ void Free(const CauseInput& input, size_t camera, BundleProblem* problem) {
                      &problem->cameras[camera], kWideIntrinsicsPrior);
 }
 
+// The same in a large rig, each camera by itself on targets that the others place.
+std::vector<size_t> SuspectsByCamera(const CauseInput& input) {
+  BundleProblem problem = input.trial.problem;
+  const auto views = PlaceByOthers(problem, std::vector<bool>(problem.cameras.size(), true),
+                                   kSuspectViews, std::numeric_limits<double>::infinity());
+  std::vector<size_t> suspects;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    BundleCamera& camera = problem.cameras[c];
+    const BundleCamera before = camera;
+    Free(input, c, &problem);
+    LensFit fit;
+    const bool fits = FitLens(views[c], camera, {.from_afar = true}, &fit);
+    bool is_far = false;
+    for (int i = 0; fits && i < kComparedIntrinsics; ++i) {
+      const double change = fit.camera.intrinsics[i] - before.intrinsics[i];
+      is_far = is_far || std::abs(change) > kIntrinsicsSigmas * fit.IntrinsicSigma(i);
+    }
+    if (is_far) {
+      camera.intrinsics = fit.camera.intrinsics;
+      is_far = DisplacementPx(problem, c, FromVector(before.model, before.intrinsics)) >
+               kMinDisplacementPx;
+    }
+    camera = before;
+    if (is_far) suspects.push_back(c);
+  }
+  return suspects;
+}
+
 // Cameras whose intrinsics, all of them free, go away from where they are for a reason.
 std::vector<size_t> Suspects(const CauseInput& input) {
+  if (input.trial.shares_few) return SuspectsByCamera(input);
   BundleProblem problem = input.trial.problem;
   UseSome(std::max(kSuspectObservations, kSuspectViews * problem.cameras.size()), &problem);
   for (size_t c = 0; c < problem.cameras.size(); ++c) Free(input, c, &problem);

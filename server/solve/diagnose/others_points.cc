@@ -17,13 +17,16 @@ constexpr size_t kMostViews = 8;
 
 std::vector<TimedMarker> MarkersSeenBy(
     const BundleProblem& problem, const std::vector<int64_t>& instant_time_ns,
-    const std::function<bool(const BundleObservation& observation)>& takes_part, size_t max_count) {
+    const std::function<bool(const BundleObservation& observation)>& takes_part, size_t max_count,
+    const std::vector<size_t>* among) {
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   const size_t markers = problem.target.marker_positions_m.size();
   std::vector<bool> allowed(problem.cameras.size());
   std::vector<TimedMarker> points;
-  const size_t stride = 1 + problem.instants.size() * markers / std::max<size_t>(1, max_count);
-  for (size_t i = 0; i < problem.instants.size(); i += stride) {
+  const size_t count = among != nullptr ? among->size() : problem.instants.size();
+  const size_t stride = 1 + count * markers / std::max<size_t>(1, max_count);
+  for (size_t n = 0; n < count; n += stride) {
+    const size_t i = among != nullptr ? (*among)[n] : n;
     const BundleInstant& instant = problem.instants[i];
     if (!instant.used || instant.is_rigid) continue;
     allowed.assign(problem.cameras.size(), false);

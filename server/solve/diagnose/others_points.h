@@ -20,9 +20,10 @@ struct TimedMarker {
 // The markers of the placed instants of a line target as some of the cameras triangulate them (two
 // at least and eight at most, all of which must agree): those observations of which `takes_part` is
 // true. At most about `max_count`, evenly chosen, ascending by time. `instant_time_ns`: rig time,
-// by instant of `problem`.
+// by instant of `problem`. `among`: of these instants, ascending, alone; null: of all.
 std::vector<TimedMarker> MarkersSeenBy(
     const BundleProblem& problem, const std::vector<int64_t>& instant_time_ns,
-    const std::function<bool(const BundleObservation& observation)>& takes_part, size_t max_count);
+    const std::function<bool(const BundleObservation& observation)>& takes_part, size_t max_count,
+    const std::vector<size_t>* among = nullptr);
 
 }  // namespace rigcal::server

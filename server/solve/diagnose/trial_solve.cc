@@ -11,6 +11,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/evaluate/placed_views.h"
 #include "server/solve/rig/outliers.h"
 
 namespace rigcal::server {
@@ -109,6 +110,7 @@ TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions
     trial.problem.instants.push_back(instant);
     trial.instant_time_ns.push_back(solution.built.instant_time_ns[i]);
   }
+  trial.shares_few = LooksAtLensesAlone(trial.problem);
   return trial;
 }
 

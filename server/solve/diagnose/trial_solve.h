@@ -26,6 +26,7 @@ struct TrialProblem {
   // By camera of the problem: its index in the rig. A camera taken apart has several.
   std::vector<size_t> rig_camera;
   BundleOptions bundle;
+  bool shares_few = false;         // LooksAtLensesAlone (placed_views.h)
   std::vector<int> uneven_clocks;  // that no one offset and rate describes
 };
 

@@ -17,6 +17,7 @@
 #include "server/solve/evaluate/lens_comparison.h"
 #include "server/solve/evaluate/line_delay_choice.h"
 #include "server/solve/evaluate/path_choice.h"
+#include "server/solve/evaluate/placed_views.h"
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/initialize/shared_views.h"
 #include "server/solve/rig/outliers.h"
@@ -178,12 +179,21 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   result.options.own_rates = first.own_rates;
   const RigInitialization initial = InitializationFrom(result.solution);
   const bool tries_path = TriesPath(rig, first, result.solution, options.trajectory);
-  PutAway(rig, first, &result.solution);
   TimeBlocks blocks;
   blocks.origin_ns = result.solution.built.instant_time_ns.front();
+  const bool by_camera = base.held == nullptr && LooksAtLensesAlone(result.solution.built.problem);
+  std::optional<IntrinsicsChoice> chosen_by_camera;
+  if (choose && by_camera) {
+    if (base.progress) base.progress(CalibrationStage::kChoosingIntrinsics, 0);
+    chosen_by_camera =
+        ChooseIntrinsicsByCamera(rig, result.solution.built.problem, first, blocks.period);
+  }
+  PutAway(rig, first, &result.solution);
 
   IntrinsicsChoice intrinsics;
-  if (choose) {
+  if (choose && by_camera) {
+    intrinsics = *std::move(chosen_by_camera);
+  } else if (choose) {
     RIGCAL_ASSIGN_OR_RETURN(intrinsics,
                             ChooseIntrinsics(rig, initial, result.solution, blocks, first));
   }
@@ -191,6 +201,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   if (intrinsics.refine) {
     RigSolveOptions with_refined = first;
     with_refined.refine_intrinsics = true;
+    if (by_camera) with_refined.keep_intrinsics = intrinsics.keep;
     RIGCAL_ASSIGN_OR_RETURN(with_refined_lenses,
                             SolveRig(rig, initial.clocks, with_refined, &initial));
     TakeBack(rig, first, &result.solution);
@@ -200,6 +211,9 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     }
     PutAway(rig, first, &result.solution);
     PutAway(rig, with_refined, &*with_refined_lenses);
+    if (by_camera && intrinsics.refine) {
+      first.keep_intrinsics = result.options.keep_intrinsics = intrinsics.keep;
+    }
   }
   RIGCAL_ASSIGN_OR_RETURN(FoldResults folds,
                           EvaluateFolds(rig, initial, result.solution, blocks, first,
@@ -224,8 +238,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     result.solution = *std::move(with_refined_lenses);
   }
   // Also where given intrinsics are asked for, the data say how far they are off.
-  std::optional<RefinedLenses> refined;
-  if (!result.options.refine_intrinsics) {
+  const auto refine_all = [&]() -> absl::StatusOr<std::optional<RefinedLenses>> {
     RigSolveOptions with_refined = result.options;
     with_refined.refine_intrinsics = true;
     with_refined.rough = true;
@@ -233,14 +246,20 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     with_refined.progress = ProgressAs(CalibrationStage::kEvaluating, base);
     absl::StatusOr<RigSolution> other = SolveRig(rig, initial.clocks, with_refined, &initial);
     if (absl::IsCancelled(other.status())) return other.status();
-    if (other.ok()) refined = RefinedLensesOf(rig, with_refined, *std::move(other));
+    if (!other.ok()) return std::nullopt;
+    return RefinedLensesOf(rig, with_refined, *std::move(other));
+  };
+  std::optional<RefinedLenses> refined;
+  if (!result.options.refine_intrinsics && !by_camera) {
+    RIGCAL_ASSIGN_OR_RETURN(refined, refine_all());
   }
   TakeBack(rig, result.options, &result.solution);
   if (result.held_out) {
     RigSolveOptions lens_options = result.options;
     lens_options.motions = &motions;
     lens_options.progress = ProgressAs(CalibrationStage::kChoosingIntrinsics, base);
-    RIGCAL_ASSIGN_OR_RETURN(result.lenses, FindBetterLenses(rig, result.solution, lens_options));
+    RIGCAL_ASSIGN_OR_RETURN(result.lenses,
+                            FindBetterLenses(rig, result.solution, lens_options, by_camera));
     for (const BetterLens& lens : result.lenses) {
       result.findings.push_back(FindingOf(rig, lens, false));
     }
@@ -258,6 +277,11 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   }
   if (tries_path && KeepsPath(folds.path_gain, options.trajectory)) {
     RIGCAL_RETURN_IF_ERROR(FollowTarget(rig, &folds, &result));
+  }
+  // In a large rig only where one step of the solve shows that they are.
+  if (by_camera && !result.options.refine_intrinsics && result.uncertainty &&
+      LensesMayDiffer(rig, result.solution, result.options, result.uncertainty->design_effect)) {
+    RIGCAL_ASSIGN_OR_RETURN(refined, refine_all());
   }
   if (refined && result.uncertainty) {
     result.lenses_kept =

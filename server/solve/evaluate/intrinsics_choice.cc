@@ -9,6 +9,9 @@
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
 #include "server/solve/evaluate/held_out_choice.h"
+#include "server/solve/evaluate/lens_fit.h"
+#include "server/solve/evaluate/placed_views.h"
+#include "server/solve/rig/intrinsics_prior.h"
 
 namespace rigcal::server {
 namespace {
@@ -21,6 +24,11 @@ constexpr double kMustGain = 0.02;
 constexpr double kChoiceSigmas = 2;
 constexpr int kMinLongBlocks = 4;
 constexpr int kMinBlockInstants = 10;  // fewer say nothing of a whole block
+// Of a camera that is chosen for by itself: among hundreds chance gives some of them two.
+constexpr double kOwnChoiceSigmas = 3;
+constexpr size_t kMostChoiceGroups = 12, kMinGroupViews = 10, kMostChoiceViews = 200;
+// Of a rejected marker, which wrong intrinsics may have put there.
+constexpr double kMayBeLensPx = 60;
 
 // Held-out errors of the two ways to treat intrinsics, summed over the folds that had both.
 struct IntrinsicsScores {
@@ -163,6 +171,59 @@ absl::StatusOr<IntrinsicsChoice> ChooseIntrinsics(const RigObservations& rig,
   choice.refined_by_chance = true;
   choice.refine_in_fold.assign(of_fold.size(), false);
   choice.finding = KeptFinding(scores, *gain);
+  return choice;
+}
+
+IntrinsicsChoice ChooseIntrinsicsByCamera(const RigObservations& rig, const BundleProblem& problem,
+                                          const RigSolveOptions& base, int folds) {
+  const size_t count = problem.cameras.size();
+  const auto is_new = [&base](size_t c) { return c < base.new_lens.size() && base.new_lens[c]; };
+  IntrinsicsChoice choice;
+  choice.keep = base.keep_intrinsics;
+  choice.keep.resize(count, false);
+  const std::vector<bool> asked_to_keep = choice.keep;
+  std::vector<bool> may_change(count);
+  for (size_t c = 0; c < count; ++c) may_change[c] = !choice.keep[c] && !is_new(c);
+  const auto views = PlaceByOthers(problem, may_change, kMostChoiceViews, kMayBeLensPx);
+  std::vector<double> given_px, refined_px;  // by camera with enough views
+  size_t refined = 0;
+  for (size_t c = 0; c < count; ++c) {
+    if (!may_change[c]) continue;
+    choice.keep[c] = true;
+    const auto groups =
+        static_cast<int>(std::min(kMostChoiceGroups, views[c].size() / kMinGroupViews));
+    if (groups < kMinLongBlocks) continue;
+    BundleCamera camera = problem.cameras[c];
+    camera.intrinsics_fixed = true;
+    const std::vector<double> before = HeldOutErrorsPx(views[c], camera, groups);
+    SetIntrinsicsPrior(rig.index.cameras[c], &camera);
+    const HeldOutGain gain = CompareByBlock(before, HeldOutErrorsPx(views[c], camera, groups));
+    if (gain.blocks < kMinLongBlocks) continue;
+    given_px.push_back(gain.before_px);
+    refined_px.push_back(gain.after_px);
+    choice.keep[c] = !gain.IsClear(kMustGain, kOwnChoiceSigmas);
+    refined += choice.keep[c] ? 0 : 1;
+  }
+  if (given_px.empty()) {
+    choice.refine_in_fold.assign(static_cast<size_t>(folds), false);
+    choice.finding = UncheckedFinding();
+    return choice;
+  }
+  const HeldOutGain together = CompareByBlock(given_px, refined_px);
+  if (together.IsClear(kMustGain, kChoiceSigmas)) {
+    choice.keep = asked_to_keep;
+    refined = static_cast<size_t>(std::ranges::count(may_change, true));
+  }
+  choice.refine = refined > 0;
+  choice.refine_in_fold.assign(static_cast<size_t>(folds), choice.refine);
+  choice.given_px = together.before_px;
+  choice.finding = {
+      choice.refine ? FindingKind::kIntrinsicsRefined : FindingKind::kIntrinsicsKept, "",
+      choice.refine ? together.after_px : together.before_px, "px",
+      absl::StrFormat("held-out error of a camera, mean of %d, where the others place the target: "
+                      "%.3f px with the given intrinsics, %.3f px with refined ones; refined ones "
+                      "are used for %d of %d cameras, and the given ones for the others",
+                      given_px.size(), together.before_px, together.after_px, refined, count)};
   return choice;
 }
 

@@ -7,7 +7,10 @@
 #include <cmath>
 #include <optional>
 
+#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/evaluate/loss_factors.h"
 #include "server/solve/evaluate/scale_uncertainty.h"
+#include "server/solve/rig/intrinsics_prior.h"
 
 namespace rigcal::server {
 namespace {
@@ -20,6 +23,8 @@ constexpr double kStep = 1.1;
 // Intrinsics of so many are first looked at camera by camera: to take them apart together takes the
 // cube of their number.
 constexpr Eigen::Index kManyParameters = 256;
+// Of a camera with its clock, for how many numbers a solve has estimated.
+constexpr size_t kPoseParameters = 7;
 
 // One direction of the intrinsics, in sigmas of the priors.
 struct Direction {
@@ -122,8 +127,10 @@ Eigen::MatrixXd InRows(const Eigen::MatrixXd& covariance, const std::vector<Eige
 
 // In a large rig: whether lenses differ from the given ones by more than chance when each camera's
 // intrinsics are looked at by themselves, as if what the cameras say of them were independent.
+// `covariance(row, column)`: of rows of one camera.
+template <typename Covariance>
 bool DifferByCamera(const std::vector<KeptParameter>& parameters,
-                    const std::vector<ReducedParameter>& rows, const Eigen::MatrixXd& covariance,
+                    const std::vector<ReducedParameter>& rows, const Covariance& covariance,
                     double design_effect) {
   std::vector<Direction> told;
   for (size_t begin = 0, end = 0; begin < parameters.size(); begin = end) {
@@ -206,6 +213,46 @@ KeptLenses MeasureKeptLenses(const std::vector<BundleCamera>& kept, const Bundle
   lenses.moment = follow * left.asDiagonal() * follow.transpose();
   lenses.moment.noalias() += moved * moved.transpose();
   return lenses;
+}
+
+bool LensesMayDiffer(const RigObservations& rig, const RigSolution& solution,
+                     const RigSolveOptions& options, double design_effect) {
+  BundleProblem problem = solution.built.problem;
+  const BundleOptions bundle;
+  const LossFactors loss =
+      MeasureLossFactors(solution.built, bundle.loss_scale,
+                         static_cast<Eigen::Index>(kPoseParameters * problem.cameras.size()));
+  // The data count less by the variance of their errors, priors as given: all of it times that
+  // variance is the data's information and the priors' by smaller sigmas.
+  const double shorter = 1 / std::sqrt(loss.variance);
+  std::vector<BundleCamera> kept = problem.cameras;
+  for (size_t c = 0; c < kept.size(); ++c) {
+    const bool keeps = c < options.keep_intrinsics.size() && options.keep_intrinsics[c];
+    if (!kept[c].intrinsics_fixed || keeps) continue;
+    SetIntrinsicsPrior(rig.index.cameras[c], &problem.cameras[c]);
+    problem.cameras[c].intrinsics_sigma *= shorter;
+  }
+  for (BundleClock& clock : problem.clocks) {
+    clock.offset_sigma_s *= shorter;
+    clock.rate_sigma *= shorter;
+  }
+  problem.target.span_sigma_m *= shorter;
+  const absl::StatusOr<ReducedStep> step = ComputeReducedStep(bundle, problem);
+  if (!step.ok()) return true;
+  for (BundleCamera& camera : problem.cameras) {
+    if (!camera.intrinsics_fixed) camera.intrinsics_sigma /= shorter;
+  }
+  for (size_t i = 0; i < step->parameters.size(); ++i) {
+    const ReducedParameter& parameter = step->parameters[i];
+    if (parameter.kind != ReducedParameterKind::kIntrinsic) continue;
+    problem.cameras[static_cast<size_t>(parameter.index)].intrinsics[parameter.component] +=
+        step->step[static_cast<Eigen::Index>(i)];
+  }
+  const auto covariance = [&](Eigen::Index row, Eigen::Index column) {
+    return loss.variance * step->covariance(std::max(row, column), std::min(row, column));
+  };
+  return DifferByCamera(KeptParameters(kept, problem.cameras, step->parameters), step->parameters,
+                        covariance, design_effect);
 }
 
 RigUncertainty WithKeptLenses(const RigUncertainty& uncertainty, const KeptLenses& lenses) {

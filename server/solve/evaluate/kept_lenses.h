@@ -6,6 +6,9 @@
 
 #include "server/solve/bundle/bundle_problem.h"
 #include "server/solve/evaluate/uncertainty.h"
+#include "server/solve/rig/rig_observations.h"
+#include "server/solve/rig/rig_solution.h"
+#include "server/solve/rig/rig_solve_options.h"
 
 namespace rigcal::server {
 
@@ -37,6 +40,12 @@ struct KeptLenses {
 // variance of errors that the data have in common exceeds that (BlockScatter).
 KeptLenses MeasureKeptLenses(const std::vector<BundleCamera>& kept, const BundleProblem& refined,
                              const RigUncertainty& uncertainty, double design_effect);
+
+// Whether the data of a large rig say that given intrinsics which its solution keeps differ from
+// the true ones by more than chance, as MeasureKeptLenses asks first: camera by camera, here of one
+// step of the solve with all intrinsics free. True where that cannot be told.
+bool LensesMayDiffer(const RigObservations& rig, const RigSolution& solution,
+                     const RigSolveOptions& options, double design_effect);
 
 // An uncertainty with what the kept intrinsics add to its parameters and its shape; covariance of
 // the scale included where it was.

@@ -17,6 +17,9 @@
 #include "common/camera/fit_intrinsics.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/evaluate/lens_fit.h"
+#include "server/solve/evaluate/placed_views.h"
+#include "server/solve/rig/intrinsics_prior.h"
 
 namespace rigcal::server {
 namespace {
@@ -39,6 +42,9 @@ constexpr double kOwnSigmas = 1;  // of each camera, where all of them together 
 constexpr size_t kMaxFitRays = 600;
 constexpr double kMaxFitRmsPx = 20;
 constexpr double kMaxAspectChange = 0.05;
+constexpr size_t kMostLensGroups = 12, kMinLensGroupViews = 10, kMostLensViews = 200;
+// Of a rejected marker, which a wrong model may have put there.
+constexpr double kMayBeModelPx = 60;
 
 constexpr DistortionModel kModels[] = {DistortionModel::kBrownConrady, DistortionModel::kRational,
                                        DistortionModel::kFisheye};
@@ -162,6 +168,12 @@ struct Candidate {
   std::vector<bool> new_lens;
 };
 
+RigObservations WithoutRows(const RigObservations& rig) {
+  RigObservations without;
+  without.index = rig.index;
+  return without;
+}
+
 void Describe(size_t camera, const Intrinsics& intrinsics, Candidate* candidate) {
   candidate->rig.index.cameras[camera].intrinsics = intrinsics;
   BundleCamera& begin = candidate->initial.cameras[camera];
@@ -190,6 +202,59 @@ std::vector<double> ErrorsOf(const std::vector<size_t>& cameras,
     }
   }
   return means_px;
+}
+
+// Held-out errors by model, in the same parts of the data; infinite where there is too little.
+struct ErrorsOfModels {
+  std::vector<std::vector<double>> of_all;                  // by part: mean over the suspects
+  std::vector<std::vector<std::vector<double>>> of_camera;  // by suspect and part
+};
+
+// In blocks of time, of which others are solved for each model.
+absl::StatusOr<ErrorsOfModels> ErrorsByBlock(const std::vector<Candidate>& candidates,
+                                             const std::vector<size_t>& suspects,
+                                             const RigSolveOptions& options,
+                                             const TimeBlocks& blocks, int count) {
+  std::vector<SolveVariant> variants;
+  for (const Candidate& candidate : candidates) {
+    SolveVariant variant{&candidate.rig, &candidate.initial, options};
+    variant.options.new_lens = candidate.new_lens;
+    variants.push_back(std::move(variant));
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const auto errors, EvaluateVariants(variants, blocks, count));
+  ErrorsOfModels errors_px;
+  for (const std::vector<EvaluatedErrors>& of_model : errors) {
+    errors_px.of_all.push_back(ErrorsOf(suspects, of_model));
+    auto& of_camera = errors_px.of_camera.emplace_back();
+    for (const size_t c : suspects) of_camera.push_back(ErrorsOf({c}, of_model));
+  }
+  return errors_px;
+}
+
+// In groups of a camera's views of what the others place; those of all suspects one after the
+// other, without those that a model cannot describe.
+ErrorsOfModels ErrorsByCamera(const std::vector<Candidate>& candidates,
+                              const std::vector<size_t>& suspects, const BundleProblem& problem) {
+  std::vector<bool> asked(problem.cameras.size(), false);
+  for (const size_t c : suspects) asked[c] = true;
+  const auto views = PlaceByOthers(problem, asked, kMostLensViews, kMayBeModelPx);
+  ErrorsOfModels errors_px;
+  for (const Candidate& candidate : candidates) {
+    std::vector<double> all;
+    auto& of_camera = errors_px.of_camera.emplace_back();
+    for (const size_t c : suspects) {
+      const auto groups =
+          static_cast<int>(std::min(kMostLensGroups, views[c].size() / kMinLensGroupViews));
+      BundleCamera camera = candidate.initial.cameras[c];
+      SetIntrinsicsPrior(candidate.rig.index.cameras[c], &camera, kWideIntrinsicsPrior);
+      std::vector<double> own = HeldOutErrorsPx(views[c], camera, groups);
+      own.resize(static_cast<size_t>(groups), std::numeric_limits<double>::infinity());
+      all.insert(all.end(), own.begin(), own.end());
+      of_camera.push_back(std::move(own));
+    }
+    errors_px.of_all.push_back(std::move(all));
+  }
+  return errors_px;
 }
 
 // A model for the suspects.
@@ -230,7 +295,8 @@ std::vector<RingResiduals> MeasureRings(const RigSolution& solution) {
 
 absl::StatusOr<std::vector<BetterLens>> FindBetterLenses(const RigObservations& rig,
                                                          const RigSolution& solution,
-                                                         const RigSolveOptions& options) {
+                                                         const RigSolveOptions& options,
+                                                         bool by_camera) {
   std::vector<BetterLens> better;
   const std::vector<RingResiduals> rings = MeasureRings(solution);
   std::vector<size_t> suspects;
@@ -255,7 +321,8 @@ absl::StatusOr<std::vector<BetterLens>> FindBetterLenses(const RigObservations& 
   std::vector<std::optional<DistortionModel>> tried(1);
   tried.insert(tried.end(), std::begin(kModels), std::end(kModels));
   for (const std::optional<DistortionModel> model : tried) {
-    Candidate candidate{rig, InitializationFrom(solution), options.new_lens};
+    Candidate candidate{by_camera ? WithoutRows(rig) : rig, InitializationFrom(solution),
+                        options.new_lens};
     candidate.new_lens.resize(problem.cameras.size(), false);
     for (const size_t c : suspects) {
       candidate.new_lens[c] = true;
@@ -264,13 +331,12 @@ absl::StatusOr<std::vector<BetterLens>> FindBetterLenses(const RigObservations& 
     }
     candidates.push_back(std::move(candidate));
   }
-  std::vector<SolveVariant> variants;
-  for (const Candidate& candidate : candidates) {
-    SolveVariant variant{&candidate.rig, &candidate.initial, options};
-    variant.options.new_lens = candidate.new_lens;
-    variants.push_back(std::move(variant));
+  ErrorsOfModels errors_px;
+  if (by_camera) {
+    errors_px = ErrorsByCamera(candidates, suspects, problem);
+  } else {
+    RIGCAL_ASSIGN_OR_RETURN(errors_px, ErrorsByBlock(candidates, suspects, options, blocks, count));
   }
-  RIGCAL_ASSIGN_OR_RETURN(const auto errors, EvaluateVariants(variants, blocks, count));
   // All suspects together: cameras of a rig mostly have lenses of one kind, and one that is
   // described wrongly spoils the others' errors.
   std::vector<ComparedModel> models;
@@ -278,8 +344,7 @@ absl::StatusOr<std::vector<BetterLens>> FindBetterLenses(const RigObservations& 
     const bool is_other = std::ranges::any_of(suspects, [&](size_t c) {
       return candidates[v].rig.index.cameras[c].intrinsics->model != problem.cameras[c].model;
     });
-    const HeldOutGain gain =
-        CompareByBlock(ErrorsOf(suspects, errors[0]), ErrorsOf(suspects, errors[v]));
+    const HeldOutGain gain = CompareByBlock(errors_px.of_all[0], errors_px.of_all[v]);
     if (!is_other || gain.blocks == 0) continue;
     models.push_back(
         {v, CoefficientCount(kModels[v - 1]), gain.IsClear(kLensGain, kLensSigmas), gain});
@@ -287,11 +352,12 @@ absl::StatusOr<std::vector<BetterLens>> FindBetterLenses(const RigObservations& 
   if (models.empty()) return better;
   const bool any_clear = std::ranges::any_of(models, &ComparedModel::is_clear);
   const size_t chosen = ChosenOf(models).variant;
-  for (const size_t c : suspects) {
+  for (size_t s = 0; s < suspects.size(); ++s) {
+    const size_t c = suspects[s];
     const Intrinsics& intrinsics = *candidates[chosen].rig.index.cameras[c].intrinsics;
     if (intrinsics.model == problem.cameras[c].model) continue;
     const HeldOutGain gain =
-        CompareByBlock(ErrorsOf({c}, errors[0]), ErrorsOf({c}, errors[chosen]));
+        CompareByBlock(errors_px.of_camera[0][s], errors_px.of_camera[chosen][s]);
     const bool is_clear = any_clear && gain.IsClear(0, kOwnSigmas);
     const bool is_strong = rings[c].sigmas > kStrongRingSigmas && rings[c].share > kStrongRingShare;
     if (!is_clear && !(is_strong && gain.IsClear(kLensGain, 0))) continue;

@@ -42,10 +42,14 @@ struct BetterLens {
 // together. Another one is better where their error falls by 2 %, by two and a half standard errors
 // or of the signed ranks, and that of the camera itself by one; where it has one direction for each
 // pixel at which the camera saw the target; and focal lengths in the given ratio to 5 %. Of models
-// that are equally good, the one with fewest coefficients. CANCELLED.
+// that are equally good, the one with fewest coefficients.
+//
+// `by_camera`: each of these cameras by itself, on targets that the others place (placed_views.h),
+// in groups of its own views instead of blocks of time. CANCELLED.
 absl::StatusOr<std::vector<BetterLens>> FindBetterLenses(const RigObservations& rig,
                                                          const RigSolution& solution,
-                                                         const RigSolveOptions& options);
+                                                         const RigSolveOptions& options,
+                                                         bool by_camera = false);
 
 // Names the model.
 Finding FindingOf(const RigObservations& rig, const BetterLens& lens, bool is_used);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -165,6 +166,8 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       return warning(
           absl::StrFormat("%s: its position is known to %.0f mm only", who, finding.value));
     case FindingKind::kWeakLink:
+      // All that were left out are one reason (GradeLeftOut).
+      if (!camera) return warning("");
       return warning(absl::StrCat(who, " hangs on few instants (see findings)"));
     case FindingKind::kPeriodicMotion:
       return warning(absl::StrFormat(
@@ -327,6 +330,23 @@ void EvaluateSpans(const CalibrationResult& result, const PredictedError& predic
                          {predicted.accepted_m, predicted.accepted_m}, 1e3, "mm");
 }
 
+// Cameras that nothing connects with those of the result.
+void GradeLeftOut(const CalibrationResult& result, GradeBuilder* grade_builder) {
+  std::set<std::string> left_out;
+  for (const Finding& finding : result.findings) {
+    if (finding.kind == FindingKind::kWeakLink && !finding.camera.empty() &&
+        std::ranges::count(result.cameras, finding.camera, &CalibratedCamera::camera) == 0) {
+      left_out.insert(finding.camera);
+    }
+  }
+  if (left_out.empty()) return;
+  grade_builder->Add(
+      QualityGrade::kUsable,
+      absl::StrFormat("only %d of %d cameras are calibrated: nothing connects the others with them "
+                      "(see findings)",
+                      result.cameras.size(), result.cameras.size() + left_out.size()));
+}
+
 }  // namespace
 
 FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& finding) {
@@ -348,6 +368,7 @@ Quality GradeQuality(const CalibrationResult& result,
     if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
   }
   // Causes first: figures are what they lead to.
+  GradeLeftOut(result, &grade_builder);
   for (const Finding& finding : result.findings) {
     if (finding.candidate) continue;
     FindingEffect effect = EffectOf(result, finding);

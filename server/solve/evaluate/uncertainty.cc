@@ -189,12 +189,22 @@ Eigen::Index RigUncertainty::Row(const ReducedParameter& parameter) const {
 
 double RigUncertainty::ClockSigma(ReducedParameterKind kind,
                                   const std::vector<double>& weights) const {
-  Eigen::VectorXd row = Eigen::VectorXd::Zero(covariance.cols());
+  // Two clocks are compared with each other for every pair of a large rig.
+  std::vector<Eigen::Index> rows;
+  std::vector<double> values;
   for (size_t k = 0; k < weights.size(); ++k) {
-    const Eigen::Index own = Row({kind, static_cast<int>(k), 0});
-    if (own >= 0) row[own] = weights[k];
+    const Eigen::Index own = weights[k] == 0 ? -1 : Row({kind, static_cast<int>(k), 0});
+    if (own < 0) continue;
+    rows.push_back(own);
+    values.push_back(weights[k]);
   }
-  return std::sqrt(std::max(0.0, row.dot(covariance * row)));
+  double variance = 0;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    double along = 0;
+    for (size_t j = 0; j < rows.size(); ++j) along += covariance(rows[i], rows[j]) * values[j];
+    variance += values[i] * along;
+  }
+  return std::sqrt(std::max(0.0, variance));
 }
 
 void DescribeCameras(const BundleProblem& problem, RigUncertainty* uncertainty) {

@@ -5,8 +5,11 @@
 #include <map>
 #include <numeric>
 #include <queue>
+#include <sstream>
+#include <string>
 #include <tuple>
 
+#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/status/status_macros.h"
@@ -21,6 +24,9 @@ constexpr double kGoodEnough = 1.3;
 constexpr double kAvoidedShare = 1e-6;
 // Shared views beyond which their number is no reason for a pose that cannot be had.
 constexpr int kManyShared = 40;
+// Of the payload that has the groups: "group" and its cameras, or "pair", two cameras, and what
+// they share, line by line.
+constexpr char kGroupsUrl[] = "rigcal/unconnected_groups";
 
 // Disjoint sets of cameras.
 class Groups {
@@ -56,6 +62,38 @@ std::string NameGroup(const OverlapGraph& graph, const std::vector<int>& group) 
   return absl::StrCat("{", absl::StrJoin(names, ", "), "}");
 }
 
+using BestPair = std::tuple<int, int, int, int>;  // shared, seen by both, -a, -b
+
+BestPair PairOf(const OverlapGraph& graph, int a, int b) {
+  const auto left = static_cast<size_t>(a), right = static_cast<size_t>(b);
+  return {graph.shared_counts[left][right],
+          std::min(graph.view_counts[left], graph.view_counts[right]), -a, -b};
+}
+
+absl::Cord TextOf(const OverlapGraph& graph, const Groups& groups,
+                  const std::map<int, std::vector<int>>& members) {
+  std::string text;
+  std::map<std::pair<int, int>, BestPair> nearest;  // by the groups' first cameras
+  const int count = static_cast<int>(graph.cameras.size());
+  for (int a = 0; a < count; ++a) {
+    for (int b = a + 1; b < count; ++b) {
+      const std::pair<int, int> key = std::minmax(groups.Find(a), groups.Find(b));
+      if (key.first == key.second) continue;
+      const BestPair pair = PairOf(graph, a, b);
+      const auto [known, is_new] = nearest.try_emplace(key, pair);
+      if (!is_new) known->second = std::max(known->second, pair);
+    }
+  }
+  for (const auto& [root, group] : members) {
+    absl::StrAppend(&text, "group ", absl::StrJoin(group, " "), "\n");
+  }
+  for (const auto& [key, pair] : nearest) {
+    absl::StrAppend(&text, "pair ", -std::get<2>(pair), " ", -std::get<3>(pair), " ",
+                    std::get<0>(pair), "\n");
+  }
+  return absl::Cord(text);
+}
+
 absl::Status NotConnected(const OverlapGraph& graph, const Groups& groups,
                           const std::map<std::pair<int, int>, int>& survivors) {
   std::map<int, std::vector<int>> members;
@@ -63,13 +101,11 @@ absl::Status NotConnected(const OverlapGraph& graph, const Groups& groups,
   for (int c = 0; c < count; ++c) members[groups.Find(c)].push_back(c);
   std::vector<std::string> names;
   for (const auto& [root, group] : members) names.push_back(NameGroup(graph, group));
-  std::tuple<int, int, int, int> best(-1, -1, 0, 0);
+  BestPair best(-1, -1, 0, 0);
   for (int a = 0; a < count; ++a) {
     for (int b = a + 1; b < count; ++b) {
       if (groups.Find(a) == groups.Find(b)) continue;
-      const auto left = static_cast<size_t>(a), right = static_cast<size_t>(b);
-      best = std::max(best, {graph.shared_counts[left][right],
-                             std::min(graph.view_counts[left], graph.view_counts[right]), -a, -b});
+      best = std::max(best, PairOf(graph, a, b));
     }
   }
   const int a = -std::get<2>(best), b = -std::get<3>(best), shared = std::get<0>(best);
@@ -82,7 +118,7 @@ absl::Status NotConnected(const OverlapGraph& graph, const Groups& groups,
   // Many views that contradict each other are not cured by more of them.
   const bool contradict =
       tried != survivors.end() && shared >= kManyShared && tried->second * 2 < shared;
-  return absl::FailedPreconditionError(absl::StrCat(
+  absl::Status status = absl::FailedPreconditionError(absl::StrCat(
       "the cameras are not connected: ", members.size(), " groups share too few wand views",
       contradict ? " that agree: " : ": ", absl::StrJoin(names, " and "), "; ",
       graph.cameras[static_cast<size_t>(a)], " and ", graph.cameras[static_cast<size_t>(b)],
@@ -95,9 +131,35 @@ absl::Status NotConnected(const OverlapGraph& graph, const Groups& groups,
           : "",
       "wave the wand where both of them see it at the same time, turning and moving it in depth, "
       "and calibrate again"));
+  status.SetPayload(kGroupsUrl, TextOf(graph, groups, members));
+  return status;
 }
 
 }  // namespace
+
+std::optional<UnconnectedGroups> UnconnectedGroupsOf(const absl::Status& status) {
+  const auto payload = status.GetPayload(kGroupsUrl);
+  if (!payload) return std::nullopt;
+  UnconnectedGroups unconnected;
+  std::istringstream lines{std::string(*payload)};
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream words(line);
+    std::string kind;
+    words >> kind;
+    std::vector<int> numbers;
+    for (int number = 0; words >> number;) numbers.push_back(number);
+    if (kind == "group") unconnected.groups.push_back(std::move(numbers));
+    if (kind == "pair" && numbers.size() == 3) {
+      unconnected.nearest.push_back({numbers[0], numbers[1], numbers[2]});
+    }
+  }
+  return unconnected;
+}
+
+absl::Status WithoutGroups(absl::Status status) {
+  status.ErasePayload(kGroupsUrl);
+  return status;
+}
 
 absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(const OverlapGraph& graph,
                                                           const PairEstimate& estimate) {

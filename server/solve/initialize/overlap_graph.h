@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/solve/geometry/relative_pose.h"
 
@@ -31,6 +32,21 @@ struct OverlapEdge {
   RelativePose pose;  // b_from_a
 };
 
+// Cameras that no chain of pairs connects: what FindSpanningTree says of them beside its message.
+struct UnconnectedGroups {
+  // Two cameras of two groups that share most wand views, else that saw the wand most often.
+  struct NearestPair {
+    int a = 0, b = 0;
+    int shared_count = 0;
+  };
+  std::vector<std::vector<int>> groups;  // of cameras, ascending
+  std::vector<NearestPair> nearest;      // of every two groups
+};
+// None where an error says no such thing.
+std::optional<UnconnectedGroups> UnconnectedGroupsOf(const absl::Status& status);
+// The error without them.
+absl::Status WithoutGroups(absl::Status status);
+
 // The pose b_from_a of a pair of cameras, a < b, or none where it cannot be had.
 using PairEstimate = std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>;
 
@@ -39,7 +55,8 @@ using PairEstimate = std::function<absl::StatusOr<std::optional<RelativePose>>(i
 // can weigh; edges that keep three quarters of their views count as keeping all.
 //
 // FAILED_PRECONDITION where the cameras are not connected: names the groups, the pair that would
-// best join them, and what to do. Errors of `estimate` are passed on (cancellation).
+// best join them, and what to do (UnconnectedGroupsOf has the groups). Errors of `estimate` are
+// passed on (cancellation).
 absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(const OverlapGraph& graph,
                                                           const PairEstimate& estimate);
 

@@ -218,8 +218,12 @@ TEST(PointTarget, SaysWhichCamerasMustSeeItAtOnce) {
   // Nor do pairs.
   EXPECT_THAT(Calibrate(OnlySeenBy(world, {{0, 1}, {1, 2}, {2, 3}, {3, 4}}), {}).result,
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("three cameras")));
-  EXPECT_THAT(Calibrate(OnlySeenBy(world, {{0, 1, 2}, {3, 4}}), {}).result,
+  EXPECT_THAT(Calibrate(OnlySeenBy(world, {{0, 1}, {2, 3}}), {}).result,
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("not connected")));
+  // Three that are connected are calibrated without the others.
+  const CalibrationOutcome part = Calibrate(OnlySeenBy(world, {{0, 1, 2}, {3, 4}}), {});
+  ASSERT_THAT(part.result, IsOk());
+  EXPECT_EQ(part.result->cameras.size(), 3);
 }
 
 TEST(PointTarget, DistancesThatMakeNoSenseAreRefused) {

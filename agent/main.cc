@@ -36,6 +36,7 @@
 #include "common/service/service_notice.h"
 #include "common/status/status_macros.h"
 #include "common/text/printable.h"
+#include "common/wire/grpc_locks.h"
 #include "common/wire/protocol_version.h"
 #include "common/wire/server_access.h"
 #include "common/wire/server_list.h"
@@ -376,6 +377,7 @@ int Main(int argc, char** argv) {
   sigaddset(&signals, SIGINT);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
+  wire::TakeLocksWithoutChecks();
   StartLog("rigcal-agent");
   if (const absl::Status status = ActivateFailpoints(); !status.ok()) {
     spdlog::error("{}", std::string(status.message()));

@@ -12,6 +12,7 @@
 #include "common/failpoint/failpoint.h"
 #include "common/log/start_log.h"
 #include "common/text/printable.h"
+#include "common/wire/grpc_locks.h"
 #include "common/wire/protocol_version.h"
 #include "server/care/care_commands.h"
 #include "server/program/roles.h"
@@ -42,6 +43,7 @@ int Run(int argc, char** argv) {
   if (!task.ok()) return Refuse(task.status(), kUsageExitCode);
   if (*task == CommandLineTask::kDone) return 0;
 
+  wire::TakeLocksWithoutChecks();
   StartLog("rigcal-server");
   absl::Status status = ActivateFailpoints();
   const absl::Status addresses = CheckAddresses(flags);

@@ -14,8 +14,15 @@ constexpr size_t kMaxAlignments = 64;
 
 }  // namespace
 
+void DeliveryPlan::RoundTrip::Add(Clock::duration measured) {
+  const bool is_first = smoothed == Clock::duration(0);
+  smoothed = is_first ? measured : (7 * smoothed + measured) / 8;
+  shortest = is_first ? measured : std::min(shortest, measured);
+}
+
 void DeliveryPlan::BeginConnection(size_t max_batch_rows) {
   max_batch_rows_ = std::max<size_t>(1, max_batch_rows);
+  round_trip_ = {};
   progress_.clear();
   ends_to_repeat_.clear();
   gaps_to_tell_.clear();
@@ -48,13 +55,22 @@ void DeliveryPlan::SetPosition(const StreamKey& stream, uint32_t durable_seq,
     return;
   }
   progress_.try_emplace(stream);
-  Acknowledge({.stream = stream,
-               .durable_seq = durable_seq,
-               .send_limit_seq = send_limit_seq,
-               .faults = {}});
+  Advance({.stream = stream,
+           .durable_seq = durable_seq,
+           .send_limit_seq = send_limit_seq,
+           .faults = {}});
 }
 
-bool DeliveryPlan::Acknowledge(const BatchAck& ack) {
+bool DeliveryPlan::Acknowledge(const BatchAck& ack, Clock::time_point now) {
+  const auto found = progress_.find(ack.stream);
+  if (found != progress_.end() && found->second.timed_seq != 0 &&
+      ack.durable_seq >= found->second.timed_seq) {
+    round_trip_.Add(now - found->second.timed_since);
+  }
+  return Advance(ack);
+}
+
+bool DeliveryPlan::Advance(const BatchAck& ack) {
   const auto found = progress_.find(ack.stream);
   const std::optional<SpooledStream> spooled = spool_->Find(ack.stream);
   if (in_flight_ && in_flight_->stream == ack.stream &&
@@ -69,6 +85,7 @@ bool DeliveryPlan::Acknowledge(const BatchAck& ack) {
   progress.durable_seq = std::max(progress.durable_seq, durable_seq);
   progress.next_seq = std::max(progress.next_seq, progress.durable_seq + 1);
   progress.send_limit_seq = std::max(progress.send_limit_seq, ack.send_limit_seq);
+  if (progress.durable_seq >= progress.timed_seq) progress.timed_seq = 0;
   const uint32_t safe_seq =
       keeps_until_standby_ ? std::min(ack.standby_durable_seq, spooled->end_seq - 1) : durable_seq;
   spool_->Acknowledge(ack.stream, safe_seq);
@@ -87,6 +104,7 @@ bool DeliveryPlan::Acknowledge(const BatchAck& ack) {
 }
 
 std::optional<DeliveryPlan::Message> DeliveryPlan::Next(Clock::time_point now) {
+  next_due_ = Clock::time_point::max();
   if (in_flight_) return std::nullopt;
   if (!gaps_to_tell_.empty()) {
     ObservationBatch gap = std::move(gaps_to_tell_.back());
@@ -135,8 +153,13 @@ std::optional<DeliveryPlan::Message> DeliveryPlan::NextRows(const SpooledStream&
   const bool was_freed = progress.next_seq < spooled.first_seq;
   const size_t available = last_seq < progress.next_seq ? 0 : last_seq - progress.next_seq + 1;
   const bool is_rest = spooled.end && last_seq == spooled.end->last_seq;
-  const bool is_worth_it = available >= max_batch_rows_ || is_rest || now >= progress.next_flush;
-  if (!was_freed && (available == 0 || !is_worth_it)) return std::nullopt;
+  if (!was_freed && available == 0) return std::nullopt;
+  if (!was_freed && available < max_batch_rows_ && !is_rest) {
+    if (const Clock::time_point due = DueTime(progress, now); due > now) {
+      next_due_ = std::min(next_due_, due);
+      return std::nullopt;
+    }
+  }
   absl::StatusOr<ObservationBatch> batch = spool_->Read(
       spooled.stream, progress.next_seq, std::clamp<size_t>(available, 1, max_batch_rows_));
   if (!batch.ok() || (batch->rows() == 0 && batch->dropped.empty())) return std::nullopt;
@@ -159,9 +182,26 @@ std::optional<DeliveryPlan::Message> DeliveryPlan::NextRows(const SpooledStream&
     progress.alignments_sent = alignments_.size();
   }
   progress.next_seq = batch->end_seq();
-  progress.next_flush = now + flush_interval_;
+  progress.last_sent = now;
+  if (progress.timed_seq == 0) {
+    progress.timed_seq = batch->end_seq() - 1;
+    progress.timed_since = now;
+  }
   NoteInFlight(spooled.stream, batch->end_seq() - 1, false);
   return *std::move(batch);
+}
+
+DeliveryPlan::Clock::time_point DeliveryPlan::DueTime(const Progress& progress,
+                                                      Clock::time_point now) const {
+  Clock::duration wait = flush_interval_;
+  if (!progress.IsAcknowledged()) {
+    Clock::duration round_trip = round_trip_.smoothed;
+    // One that is not at its end says more than earlier ones if it takes longer.
+    if (progress.timed_seq != 0) round_trip = std::max(round_trip, now - progress.timed_since);
+    const Clock::duration queued = round_trip - round_trip_.shortest;
+    wait = std::max(wait, std::min<Clock::duration>(queued, kLongestWait));
+  }
+  return progress.last_sent + wait;
 }
 
 bool DeliveryPlan::HasEndedBefore(const StreamKey& stream) const {

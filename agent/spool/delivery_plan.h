@@ -15,17 +15,26 @@
 
 namespace rigcal::agent {
 
-// Decides what is sent next, over all streams of the spool: full batches at once, smaller ones
-// after a while, rows only within the server's credit, the end of a stream after its last row.
-// After a reconnection each stream continues after the rows that are durable at the server. Knows
-// no network; for one thread.
+// Decides what is sent next, over all streams of the spool: rows only within the server's credit,
+// the end of a stream after its last row. After a reconnection each stream continues after the rows
+// that are durable at the server. Knows no network; for one thread.
+//
+// A full batch leaves at once, however many are on their way. Fewer rows leave at once behind a
+// pause, and else when `flush_interval` has passed since the stream's last batch and the server has
+// acknowledged that (as in Nagle, RFC 896), or does not keep acknowledgements waiting: batches grow
+// while the server is busy, and a server that is behind gets fewer of them. How long it keeps them
+// waiting is the round trip of a batch, smoothed as in RFC 6298 (2.3), less the shortest on this
+// connection (Brakmo and Peterson, TCP Vegas, 1995): over a slow link to an idle server that is
+// nothing.
 class DeliveryPlan {
  public:
   using Message = std::variant<ObservationBatch, EndOfCapture>;
 
   using Clock = std::chrono::steady_clock;
 
-  // A batch of fewer rows than a full one leaves `flush_interval` after the stream's last one.
+  // So long rows wait at most for an acknowledgement.
+  static constexpr std::chrono::milliseconds kLongestWait{1'000};
+
   // `keeps_until_standby`: the spool forgets rows once the server's standby has them, not before.
   DeliveryPlan(ObservationSpool* spool, Clock::duration flush_interval,
                bool keeps_until_standby = false)
@@ -40,10 +49,13 @@ class DeliveryPlan {
 
   // Frees durable rows. True: more are durable than before. Acknowledgements of unknown streams
   // change nothing.
-  bool Acknowledge(const BatchAck& ack);
+  bool Acknowledge(const BatchAck& ack, Clock::time_point now);
 
   // The next message; none: nothing to send, no credit for it, or not enough of it yet.
   std::optional<Message> Next(Clock::time_point now);
+  // When to call Next again for rows that only time lets go, as of its last call; no such rows: the
+  // end of time.
+  Clock::time_point next_due() const { return next_due_; }
   // The server has given a position for this stream, and it is not delivered.
   bool IsDelivering(const StreamKey& stream) const { return progress_.contains(stream); }
   // There are streams on this connection that are not delivered.
@@ -88,7 +100,18 @@ class DeliveryPlan {
     uint32_t next_seq = 1;
     bool end_sent = false;
     size_t alignments_sent = 0;
-    Clock::time_point next_flush;
+    Clock::time_point last_sent;
+    uint32_t timed_seq = 0;  // the last row of the batch whose round trip is measured; 0: none is
+    Clock::time_point timed_since;
+
+    bool IsAcknowledged() const { return next_seq == durable_seq + 1; }
+  };
+  // Of the batches of this connection. None was acknowledged yet: both are 0.
+  struct RoundTrip {
+    Clock::duration smoothed{0};
+    Clock::duration shortest{0};
+
+    void Add(Clock::duration measured);
   };
   struct InFlight {
     StreamKey stream;
@@ -99,6 +122,9 @@ class DeliveryPlan {
   std::optional<Message> NextOf(const StreamKey& key, Progress& progress, Clock::time_point now);
   std::optional<Message> NextRows(const SpooledStream& spooled, Progress& progress,
                                   Clock::time_point now);
+  bool Advance(const BatchAck& ack);
+  // When less than a full batch may leave.
+  Clock::time_point DueTime(const Progress& progress, Clock::time_point now) const;
   void NoteInFlight(const StreamKey& stream, uint32_t last_seq, bool is_end);
   void Remember(const StreamKey& stream, std::optional<EndOfCapture> end);
 
@@ -108,6 +134,8 @@ class DeliveryPlan {
   size_t max_batch_rows_ = 1;
   std::map<StreamKey, Progress> progress_;  // streams the server has given a position for
   StreamKey last_sent_;                     // streams take turns
+  RoundTrip round_trip_;
+  Clock::time_point next_due_ = Clock::time_point::max();
   // Finished streams, with the end to repeat when asked; none: the server rejects the end too.
   std::map<StreamKey, std::optional<EndOfCapture>> over_;
   std::vector<StreamKey> over_in_order_;

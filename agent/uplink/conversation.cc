@@ -93,7 +93,7 @@ absl::Status Conversation::Handle(const v1::ConnectResponse& message, Clock::tim
     case v1::ConnectResponse::kHello:
       return HandleHello(message.hello());
     case v1::ConnectResponse::kAck:
-      return HandleAck(message.ack());
+      return HandleAck(message.ack(), now);
     case v1::ConnectResponse::kStartCapture:
       HandleStartCapture(message.start_capture());
       break;
@@ -288,7 +288,7 @@ void Conversation::BeginCapture(const StreamKey& stream, const Target& target,
   }
 }
 
-absl::Status Conversation::HandleAck(const v1::BatchAck& proto) {
+absl::Status Conversation::HandleAck(const v1::BatchAck& proto, Clock::time_point now) {
   const absl::StatusOr<BatchAck> ack = wire::FromProto(proto);
   if (!ack.ok()) {
     return absl::InternalError(
@@ -309,7 +309,7 @@ absl::Status Conversation::HandleAck(const v1::BatchAck& proto) {
         "directory, or a copy of it?",
         ack->stream.camera, ack->conflict_count, ack->stream.session_id);
   }
-  if (agent_.plan->Acknowledge(*ack)) progressed_ = true;
+  if (agent_.plan->Acknowledge(*ack, now)) progressed_ = true;
   return absl::OkStatus();
 }
 
@@ -411,7 +411,9 @@ Conversation::Clock::time_point Conversation::NextDeadline(Clock::time_point now
   const Clock::time_point silent = last_heard_ + options_.silence_timeout;
   // While a write is on its way nothing else can leave; its end wakes this thread.
   if (!can_send) return silent;
-  if (agent_.plan->HasOpenStreams()) return now + options_.flush_interval;
+  if (agent_.plan->HasOpenStreams()) {
+    return std::min(now + options_.flush_interval, agent_.plan->next_due());
+  }
   return std::min(silent, next_ping_);
 }
 

@@ -42,7 +42,8 @@ struct UplinkOptions {
   // Where KnownServers are kept; empty: nowhere.
   std::filesystem::path known_servers_file = {};
 
-  // Rows of a full batch, and how long fewer rows wait to become one. The server may ask for fewer.
+  // Rows of a full batch, and how long fewer rows wait to become one while the server keeps up
+  // (DeliveryPlan). The server may ask for fewer.
   size_t max_batch_rows = 256;
   std::chrono::milliseconds flush_interval{20};
   std::chrono::milliseconds ping_interval{10'000};
@@ -122,7 +123,7 @@ class Conversation {
 
  private:
   absl::Status HandleHello(const v1::ServerHello& hello);
-  absl::Status HandleAck(const v1::BatchAck& proto);
+  absl::Status HandleAck(const v1::BatchAck& proto, Clock::time_point now);
   void HandleStartCapture(const v1::StartCapture& command);
   void HandlePong(const v1::TimePong& pong);
   void HandlePreviewRequest(const v1::PreviewRequest& request);

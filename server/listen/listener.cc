@@ -67,7 +67,8 @@ Listener::Listener(ListenerOptions options, AuditLog* audit, PeerConduct* conduc
       audit_(*audit),
       conduct_(conduct),
       connections_(options_.limits),
-      guard_(options_.floods) {}
+      guard_(options_.floods),
+      stall_(options_.readers) {}
 
 Listener::~Listener() {
   Stop();
@@ -179,7 +180,9 @@ void Listener::LookForFloods() {
   if (now < next_look_) return;
   const uint64_t resident_bytes = ResidentBytes();
   const uint64_t unclaimed_bytes = UnclaimedBytes(resident_bytes);
-  for (const FloodGuard::Cut& cut : guard_.Look(connections_.Traffic(), unclaimed_bytes, now)) {
+  const std::vector<ConnectionTraffic> traffic = connections_.Traffic();
+  if (stall_.Look(traffic) && options_.on_stall) options_.on_stall();
+  for (const FloodGuard::Cut& cut : guard_.Look(traffic, unclaimed_bytes, now)) {
     const std::optional<Connections::Flooding> flooding = connections_.CutFlood(cut.id, cut.why);
     if (!flooding) continue;
     const std::string peer = flooding->peer ? Describe(*flooding->peer) : "a client";

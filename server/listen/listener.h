@@ -23,6 +23,7 @@
 #include "server/audit/audit_log.h"
 #include "server/listen/connections.h"
 #include "server/listen/flood_guard.h"
+#include "server/listen/reading_stall.h"
 
 namespace rigcal::server {
 
@@ -44,6 +45,10 @@ struct ListenerOptions {
   // Bytes of deliveries that wait to be stored: memory that is no flood. Empty: none. Called on the
   // accepting thread, several times a second.
   std::function<uint64_t()> waiting_bytes = {};
+  // Connections wait, and the threads that read them, so many, are held by others (ReadingStall).
+  // Called on the accepting thread at every look at which it is so. Empty: nobody need know.
+  std::function<void()> on_stall = {};
+  size_t readers = 2;
   // How often it looks for floods while there are connections; and while one is suspected.
   std::chrono::milliseconds flood_interval{50};
   std::chrono::milliseconds suspect_interval{10};
@@ -123,6 +128,7 @@ class Listener {
   std::optional<Clock::time_point> paused_until_;
   std::optional<Clock::time_point> last_lack_;  // of descriptors
   FloodGuard guard_;
+  ReadingStall stall_;
   Clock::time_point next_look_ = {};
   // When memory goes back to the system next, and how much was left the last time.
   std::deque<Clock::time_point> give_back_;

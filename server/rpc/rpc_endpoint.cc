@@ -80,8 +80,10 @@ absl::StatusOr<std::unique_ptr<CheckedIdentity>> LoadIdentity(const RpcEndpointO
   return CheckedIdentity::Load(options.identity_folder);
 }
 
-ListenerOptions ListeningOptions(const RpcEndpointOptions& options) {
+ListenerOptions ListeningOptions(const RpcEndpointOptions& options, Pollers* pollers) {
   ListenerOptions result = options.listener;
+  result.on_stall = [pollers] { pollers->Help(); };
+  result.readers = Pollers::OwnThreadsOfGrpc();
   result.address = options.listen_address;
   result.socket_file = options.socket_file;
   result.tls = !options.identity_folder.empty();
@@ -95,7 +97,7 @@ RpcEndpoint::RpcEndpoint(RpcEndpointOptions options, AuditLog* audit)
       audit_(*audit),
       identity_(LoadIdentity(options_)),
       accepted_(options_.identity_folder),
-      listener_(ListeningOptions(options_), &audit_, &conduct_),
+      listener_(ListeningOptions(options_, &pollers_), &audit_, &conduct_),
       security_(identity_.ok() ? identity_->get() : nullptr, &accepted_, &listener_.connections(),
                 &conduct_, &audit_) {}
 

@@ -27,7 +27,7 @@ struct RpcEndpointOptions {
   std::filesystem::path socket_file = {};
   // The folder with ca.crt, server.crt, server.key, identities.json and denied.json. Empty: no TLS.
   std::filesystem::path identity_folder = {};
-  // `address`, `socket_file` and `tls` in it are set from the members here.
+  // `address`, `socket_file`, `tls`, `on_stall` and `readers` in it are set here.
   ListenerOptions listener = {};
   // Memory gRPC may hold for messages and connections, in all.
   size_t memory_limit_bytes = size_t{512} << 20;
@@ -67,9 +67,9 @@ class RpcEndpoint {
   const absl::StatusOr<std::unique_ptr<CheckedIdentity>> identity_;
   AcceptedCertificates accepted_;
   PeerConduct conduct_;
+  Pollers pollers_;
   Listener listener_;
   CallSecurity security_;
-  Pollers pollers_;
   std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> plain_;
   std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> tls_;
 };

@@ -26,26 +26,11 @@ using Clock = std::chrono::steady_clock;
 double Seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
 v1::ConnectRequest Hello(const LoadOptions& options, int agent) {
-  v1::ConnectRequest message;
-  v1::AgentHello* hello = message.mutable_hello();
-  *hello->mutable_protocol_version() = wire::OwnProtocolVersion();
-  hello->set_agent_id(BenchAgentId(agent));
-  hello->set_incarnation(1);
-  hello->set_connection(1);
-  hello->set_host("bench");
-  hello->set_rig("rig");
-  v1::AnnouncedCamera* camera = hello->add_cameras();
-  camera->set_stream_epoch(1);
-  v1::CameraDescription* description = camera->mutable_description();
+  v1::ConnectRequest message = BenchHello(agent);
   if (options.world != nullptr) {
-    *description = wire::ToProto(options.world->cameras()[static_cast<size_t>(agent)].description);
-    return message;
+    *message.mutable_hello()->mutable_cameras(0)->mutable_description() =
+        wire::ToProto(options.world->cameras()[static_cast<size_t>(agent)].description);
   }
-  description->set_camera(BenchCameraName(agent));
-  description->mutable_image_size_px()->set_width(1280);
-  description->mutable_image_size_px()->set_height(1024);
-  description->mutable_clock()->set_clock_id(BenchCameraName(agent));
-  description->mutable_clock()->set_timebase("bench");
   return message;
 }
 
@@ -103,11 +88,7 @@ class BenchAgent {
 
  private:
   void WriteAll() {
-    Clock::time_point begin = Clock::now();
-    if (options_.in_turn) {
-      begin += std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
-          agent_ * options_.rows_per_message / options_.rows_per_s / options_.agents));
-    }
+    const Clock::time_point begin = Clock::now();
     for (uint32_t seq = 1; seq <= options_.rows_per_agent;
          seq += static_cast<uint32_t>(options_.rows_per_message)) {
       MakeMessage(seq);
@@ -207,6 +188,26 @@ class BenchAgent {
 };
 
 }  // namespace
+
+v1::ConnectRequest BenchHello(int agent) {
+  v1::ConnectRequest message;
+  v1::AgentHello* hello = message.mutable_hello();
+  *hello->mutable_protocol_version() = wire::OwnProtocolVersion();
+  hello->set_agent_id(BenchAgentId(agent));
+  hello->set_incarnation(1);
+  hello->set_connection(1);
+  hello->set_host("bench");
+  hello->set_rig("rig");
+  v1::AnnouncedCamera* camera = hello->add_cameras();
+  camera->set_stream_epoch(1);
+  v1::CameraDescription* description = camera->mutable_description();
+  description->set_camera(BenchCameraName(agent));
+  description->mutable_image_size_px()->set_width(1280);
+  description->mutable_image_size_px()->set_height(1024);
+  description->mutable_clock()->set_clock_id(BenchCameraName(agent));
+  description->mutable_clock()->set_timebase("bench");
+  return message;
+}
 
 v1::ConnectRequest BenchBatch(int agent, int rows) {
   v1::ConnectRequest message;

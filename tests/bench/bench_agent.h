@@ -25,9 +25,6 @@ struct LoadOptions {
   int rows_per_message = 16;
   uint32_t rows_per_agent = 100'000;
   double rows_per_s = 0;  // of each agent; 0: as fast as credits allow
-  // Paced agents send one after the other within their period; false: all at once, as cameras with
-  // one trigger.
-  bool in_turn = false;
   uint32_t window = 32768;
   // Of one agent; unset: none.
   std::function<std::shared_ptr<grpc::ChannelCredentials>(const std::string& agent_id)>
@@ -56,6 +53,8 @@ struct LoadResult {
 absl::StatusOr<LoadResult> RunLoad(const LoadOptions& options,
                                    const std::function<absl::Status()>& start);
 
+// What a made up agent says of itself: one camera without pending streams.
+v1::ConnectRequest BenchHello(int agent);
 // Rows of a made up camera, as its agent sends them; without a session.
 v1::ConnectRequest BenchBatch(int agent, int rows);
 // "bench-agent-<agent>".

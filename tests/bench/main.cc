@@ -10,6 +10,7 @@
 #include <opencv2/core/utility.hpp>
 #include <vector>
 
+#include "common/wire/grpc_locks.h"
 #include "tests/bench/suites.h"
 
 namespace rigcal::bench {
@@ -87,6 +88,7 @@ bool AsksForTable(int argc, char** argv) {
 }
 
 int Run(int argc, char** argv) {
+  wire::TakeLocksWithoutChecks();
   spdlog::set_level(spdlog::level::warn);  // agents that are measured say little
   const bool table = AsksForTable(argc, argv);
   benchmark::Initialize(&argc, argv, PrintHelp);

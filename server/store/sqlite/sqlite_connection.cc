@@ -15,6 +15,7 @@
 namespace rigcal::server {
 namespace {
 
+constexpr int kWriterCacheKiB = 16 << 10;
 constexpr int kBusyTimeoutMs = 10000;
 constexpr size_t kPageBytes = 4096;
 
@@ -163,6 +164,9 @@ absl::StatusOr<std::unique_ptr<SqliteWriter>> SqliteWriter::Open(const std::file
                        "); use a data directory on a local disk"));
     }
     database.exec("PRAGMA synchronous=FULL");
+    // A commit of hundreds of streams changes a page of each, and more: with SQLite's 2 MB they
+    // would be written and read again within the transaction.
+    database.exec(absl::StrCat("PRAGMA cache_size=-", kWriterCacheKiB));
     database.exec("PRAGMA journal_size_limit=67108864");
     // Checkpoints are ours: the automatic ones swallow errors of the disk.
     sqlite3_wal_hook(database.getHandle(), &RememberLogPages, &writer->log_pages_);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "agent/spool/memory_spool.h"
 #include "tests/agent/uplink/scripted_source.h"
 #include "tests/testing/status_matchers.h"
@@ -63,9 +64,21 @@ class DeliveryPlanTest : public ::testing::Test {
     ack.durable_seq = durable_seq;
     ack.send_limit_seq = send_limit_seq;
     ack.complete = complete;
-    return plan_.Acknowledge(ack);
+    return plan_.Acknowledge(ack, now_);
   }
-  void PassTime() { now_ += milliseconds(20); }
+  void PassTime(milliseconds time = milliseconds(20)) { now_ += time; }
+  // Rows that are alone on their way, each acknowledged after so long. What is known of the round
+  // trip is about that in the end.
+  void DeliverEachIn(milliseconds round_trip, uint32_t* seq, int times) {
+    for (int i = 0; i < times; ++i) {
+      Append(kLeft, 1);
+      PassTime();
+      ++*seq;
+      ASSERT_THAT(Sent(), ElementsAre(absl::StrCat("left ", *seq, "-", *seq)));
+      PassTime(round_trip);
+      EXPECT_TRUE(Acknowledge(kLeft, *seq));
+    }
+  }
 
   int64_t time_ns_ = 0;
   DeliveryPlan::Clock::time_point now_{std::chrono::seconds(100)};
@@ -91,8 +104,142 @@ TEST_F(DeliveryPlanTest, SendsFullBatchesAtOnceAndSmallerOnesAfterAWhile) {
   PassTime();
   EXPECT_THAT(Sent(), IsEmpty());
   // A single row after a pause does not wait.
+  EXPECT_TRUE(Acknowledge(kLeft, 26));
   Append(kLeft, 1);
   EXPECT_THAT(Sent(), ElementsAre("left 27-27"));
+}
+
+TEST_F(DeliveryPlanTest, NamesTheTimeAtWhichRowsThatWaitAreDue) {
+  plan_.SetPosition(kLeft, 0, kNoLimit);
+  EXPECT_THAT(Sent(), IsEmpty());
+  EXPECT_EQ(plan_.next_due(), DeliveryPlan::Clock::time_point::max());
+  Append(kLeft, 1);
+  EXPECT_THAT(Sent(), ElementsAre("left 1-1"));
+  const auto due = now_ + milliseconds(20);
+  PassTime(milliseconds(15));
+  Append(kLeft, 1);
+  EXPECT_THAT(Sent(), IsEmpty());
+  EXPECT_EQ(plan_.next_due(), due);
+  now_ = due;
+  EXPECT_THAT(Sent(), ElementsAre("left 2-2"));
+  EXPECT_EQ(plan_.next_due(), DeliveryPlan::Clock::time_point::max());
+}
+
+TEST_F(DeliveryPlanTest, CollectsRowsWhileTheServerIsBusy) {
+  plan_.SetPosition(kLeft, 0, kNoLimit);
+  uint32_t seq = 0;
+  DeliverEachIn(milliseconds(2), &seq, 1);
+  DeliverEachIn(milliseconds(200), &seq, 40);
+  Append(kLeft, 1);
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 42-42"));
+  for (int i = 0; i < 4; ++i) {
+    PassTime();
+    Append(kLeft, 1);
+    EXPECT_THAT(Sent(), IsEmpty());
+  }
+  // An older one says nothing.
+  Acknowledge(kLeft, 41);
+  EXPECT_THAT(Sent(), IsEmpty());
+  Acknowledge(kLeft, 42);
+  EXPECT_THAT(Sent(), ElementsAre("left 43-46"));
+}
+
+TEST_F(DeliveryPlanTest, SendsFullBatchesWhateverIsOnItsWay) {
+  plan_.SetPosition(kLeft, 0, kNoLimit);
+  uint32_t seq = 0;
+  DeliverEachIn(milliseconds(2), &seq, 1);
+  DeliverEachIn(milliseconds(500), &seq, 40);
+  Append(kLeft, 3 * kBatchRows + 1);
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 42-51", "left 52-61", "left 62-71"));
+  PassTime();
+  EXPECT_THAT(Sent(), IsEmpty());
+}
+
+TEST_F(DeliveryPlanTest, EndsAStreamAtOnceWhateverIsOnItsWay) {
+  plan_.SetPosition(kLeft, 0, kNoLimit);
+  uint32_t seq = 0;
+  DeliverEachIn(milliseconds(2), &seq, 1);
+  DeliverEachIn(milliseconds(500), &seq, 40);
+  Append(kLeft, 1);
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 42-42"));
+  Append(kLeft, 2);
+  EXPECT_THAT(Sent(), IsEmpty());
+  Finish(kLeft);
+  EXPECT_THAT(Sent(), ElementsAre("left 43-44", "left end 44"));
+}
+
+TEST_F(DeliveryPlanTest, DoesNotWaitForASlowLink) {
+  plan_.SetPosition(kLeft, 0, kNoLimit);
+  uint32_t seq = 0;
+  DeliverEachIn(milliseconds(300), &seq, 10);
+  for (int i = 0; i < 5; ++i) {
+    Append(kLeft, 1);
+    PassTime();
+    EXPECT_THAT(Sent(), SizeIs(1));
+  }
+}
+
+// A server that stands still gets one batch more than it acknowledges, and each second another one
+// in case the acknowledgement will never come.
+TEST_F(DeliveryPlanTest, SendsLittleToAServerThatStandsStill) {
+  plan_.SetPosition(kLeft, 0, kNoLimit);
+  uint32_t seq = 0;
+  DeliverEachIn(milliseconds(2), &seq, 10);
+  Append(kLeft, 1);
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 11-11"));
+  Append(kLeft, 1);
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 12-12"));
+  Append(kLeft, 1);
+  PassTime(milliseconds(980));
+  EXPECT_THAT(Sent(), IsEmpty());
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 13-13"));
+  Append(kLeft, 1);
+  PassTime(milliseconds(980));
+  EXPECT_THAT(Sent(), IsEmpty());
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 14-14"));
+}
+
+TEST_F(DeliveryPlanTest, SendsCollectedRowsAtOnceAfterAReconnection) {
+  plan_.SetPosition(kLeft, 0, kNoLimit);
+  uint32_t seq = 0;
+  DeliverEachIn(milliseconds(2), &seq, 1);
+  DeliverEachIn(milliseconds(500), &seq, 40);
+  Append(kLeft, 1);
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 42-42"));
+  Append(kLeft, 3);
+  PassTime();
+  EXPECT_THAT(Sent(), IsEmpty());
+  // The acknowledgement of 42 is lost with the connection; whether it is durable, the server says.
+  plan_.BeginConnection(kBatchRows);
+  plan_.SetPosition(kLeft, 41, kNoLimit);
+  EXPECT_THAT(Sent(), ElementsAre("left 42-45"));
+  // What was known of the old connection says nothing about this one.
+  Append(kLeft, 1);
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 46-46"));
+}
+
+TEST_F(DeliveryPlanTest, OneStreamsRowsDoNotWaitForAcknowledgementsOfAnother) {
+  plan_.SetPosition(kLeft, 0, kNoLimit);
+  plan_.SetPosition(kRight, 0, kNoLimit);
+  uint32_t seq = 0;
+  DeliverEachIn(milliseconds(2), &seq, 1);
+  DeliverEachIn(milliseconds(500), &seq, 40);
+  Append(kLeft, 1);
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("left 42-42"));
+  Append(kLeft, 1);
+  Append(kRight, 1);
+  PassTime();
+  EXPECT_THAT(Sent(), ElementsAre("right 1-1"));
 }
 
 TEST_F(DeliveryPlanTest, LetsStreamsTakeTurns) {
@@ -368,14 +515,14 @@ class KeptUntilStandby : public DeliveryPlanTest {
     ack.stream = kLeft;
     ack.standby_durable_seq = durable_seq;
     ack.standby_complete = complete;
-    return kept_.Acknowledge(ack);
+    return kept_.Acknowledge(ack, now_);
   }
   void AcknowledgeAtServer(uint32_t durable_seq, bool complete = false) {
     BatchAck ack;
     ack.stream = kLeft;
     ack.durable_seq = durable_seq;
     ack.complete = complete;
-    kept_.Acknowledge(ack);
+    kept_.Acknowledge(ack, now_);
   }
   std::vector<std::string> SentByKept() {
     std::vector<std::string> sent;

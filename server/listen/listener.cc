@@ -181,7 +181,7 @@ void Listener::LookForFloods() {
   const uint64_t resident_bytes = ResidentBytes();
   const uint64_t unclaimed_bytes = UnclaimedBytes(resident_bytes);
   const std::vector<ConnectionTraffic> traffic = connections_.Traffic();
-  if (stall_.Look(traffic) && options_.on_stall) options_.on_stall();
+  if (stall_.Look(traffic, now) && options_.on_stall) options_.on_stall();
   for (const FloodGuard::Cut& cut : guard_.Look(traffic, unclaimed_bytes, now)) {
     const std::optional<Connections::Flooding> flooding = connections_.CutFlood(cut.id, cut.why);
     if (!flooding) continue;

@@ -5,12 +5,12 @@
 
 namespace rigcal::server {
 
-bool ReadingStall::Look(const std::vector<ConnectionTraffic>& open) {
-  std::map<uint64_t, Seen> now;
+bool ReadingStall::Look(const std::vector<ConnectionTraffic>& open, Clock::time_point now) {
+  std::map<uint64_t, Seen> all;
   size_t read = 0;
   bool waits = false;
   for (const ConnectionTraffic& traffic : open) {
-    const Seen& seen = now[traffic.id] = {.received_bytes = traffic.received_bytes,
+    const Seen& seen = all[traffic.id] = {.received_bytes = traffic.received_bytes,
                                           .waiting_bytes = traffic.waiting_bytes};
     const auto found = last_.find(traffic.id);
     const Seen last = found == last_.end() ? Seen{} : found->second;
@@ -20,8 +20,9 @@ bool ReadingStall::Look(const std::vector<ConnectionTraffic>& open) {
       waits = true;
     }
   }
-  last_ = std::move(now);
-  return waits && read <= readers_;
+  last_ = std::move(all);
+  if (!waits || read > readers_) last_flow_ = now;
+  return now - last_flow_ >= kLasting;
 }
 
 }  // namespace rigcal::server

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
+#include "absl/container/flat_hash_map.h"
 #include "common/statistics/robust_statistics.h"
 #include "server/live/live_limits.h"
 
@@ -118,28 +120,48 @@ void FollowedRig::AddArrivals(const StreamKey& stream, const Arrivals& arrived, 
   }
 }
 
-void FollowedRig::CountOverlap(const std::string& camera, const std::vector<ThinnedRow>& rows) {
-  const auto place = std::ranges::find(order_, camera);
-  const SessionCamera* const own = session_ ? session_->FindCamera(camera) : nullptr;
-  if (rows.empty() || place == order_.end() || own == nullptr) return;
+void FollowedRig::CountOverlap(const std::vector<std::pair<StreamKey, Arrivals>>& arrived) {
+  if (!session_) return;
+  const std::optional<int64_t> limit_ns = NewestComparedNs();
+  if (!limit_ns) return;
+  absl::flat_hash_map<std::string_view, size_t> places;
+  for (size_t i = 0; i < order_.size(); ++i) places[order_[i]] = i;
+  for (const auto& [stream, arrivals] : arrived) {
+    if (stream.session_id != session_->id) continue;
+    const auto place = places.find(stream.camera);
+    if (place != places.end()) CountOverlapOf(place->second, arrivals.rows, *limit_ns);
+  }
+}
+
+std::optional<int64_t> FollowedRig::NewestComparedNs() const {
   std::vector<int64_t> newest_ns;
-  for (const SessionCamera& other : session_->cameras) {
-    const auto activity = activities_.find(other.description.camera);
+  for (const SessionCamera& camera : session_->cameras) {
+    const auto activity = activities_.find(camera.description.camera);
     if (activity == activities_.end() || !activity->second.newest_row_ns()) continue;
-    const auto offset_ns = OffsetNs(other, activity->second.clock_epoch());
+    const auto offset_ns = OffsetNs(camera, activity->second.clock_epoch());
     if (offset_ns) newest_ns.push_back(*activity->second.newest_row_ns() + *offset_ns);
   }
-  if (newest_ns.empty()) return;
-  const int64_t limit_ns = LowerMedian(std::move(newest_ns)) + kMostAheadNs;
-  const auto half_ns = static_cast<int64_t>(0.5e9 * activities_.at(camera).SpacingS());
+  if (newest_ns.empty()) return std::nullopt;
+  return LowerMedian(std::move(newest_ns)) + kMostAheadNs;
+}
+
+void FollowedRig::CountOverlapOf(size_t place, const std::vector<ThinnedRow>& rows,
+                                 int64_t limit_ns) {
+  const SessionCamera* const camera = session_->FindCamera(order_[place]);
+  if (rows.empty() || camera == nullptr) return;
+  const auto half_ns = static_cast<int64_t>(0.5e9 * activities_.at(order_[place]).SpacingS());
+  uint32_t clock_epoch = rows.front().clock_epoch;
+  std::optional<int64_t> offset_ns = OffsetNs(*camera, clock_epoch);
   for (const ThinnedRow& row : rows) {
     if (row.visible_mask == 0) continue;
-    const auto offset_ns = OffsetNs(*own, row.clock_epoch);
+    if (row.clock_epoch != clock_epoch) {
+      clock_epoch = row.clock_epoch;
+      offset_ns = OffsetNs(*camera, clock_epoch);
+    }
     if (!offset_ns) continue;
     const int64_t time_ns = row.time_ns + *offset_ns;
     if (time_ns > limit_ns) continue;
-    overlap_->Add(static_cast<size_t>(place - order_.begin()), time_ns - half_ns,
-                  time_ns + half_ns);
+    overlap_->Add(place, time_ns - half_ns, time_ns + half_ns);
   }
 }
 

@@ -52,9 +52,9 @@ class FollowedRig {
   void SetMonitor(std::shared_ptr<const LiveMonitor> monitor) { monitor_ = std::move(monitor); }
   // Rows, clock samples and reports of one stream of the session. The overlap is counted apart.
   void AddArrivals(const StreamKey& stream, const Arrivals& arrived, Time now, int64_t utc_ns);
-  // Counts what cameras have seen at once. Call it after AddArrivals of all streams, which may
-  // change the clock offsets.
-  void CountOverlap(const std::string& camera, const std::vector<ThinnedRow>& rows);
+  // Counts what cameras have seen at once; arrivals of other sessions count for nothing. Call it
+  // after AddArrivals of all streams, which may change the clock offsets.
+  void CountOverlap(const std::vector<std::pair<StreamKey, Arrivals>>& arrived);
   // Forgets what is too old. Call it once before each state that is made.
   void Advance(Time now);
 
@@ -94,6 +94,9 @@ class FollowedRig {
   LiveOverlap DescribeOverlap() const;
 
  private:
+  // Rig time, nanoseconds: rows beyond it are of a clock that is wrong. None: no clock is known.
+  std::optional<int64_t> NewestComparedNs() const;
+  void CountOverlapOf(size_t place, const std::vector<ThinnedRow>& rows, int64_t limit_ns);
   // Without latency, estimate and light codes.
   std::optional<int64_t> CoarseOffsetNs(const SessionCamera& camera, uint32_t clock_epoch) const;
   // By the light code, against the first camera that has read the same wand; none for that one.

@@ -289,10 +289,7 @@ void LiveTracker::TakeArrivals(std::vector<std::pair<StreamKey, Arrivals>> arriv
     if (found != by_session.end()) found->second->AddArrivals(stream, arrived, now, utc_ns);
   }
   // After all streams, which may change the clock offsets.
-  for (const auto& [stream, arrived] : arrivals) {
-    const auto found = by_session.find(stream.session_id);
-    if (found != by_session.end()) found->second->CountOverlap(stream.camera, arrived.rows);
-  }
+  for (const auto& [session_id, rig] : by_session) rig->CountOverlap(arrivals);
 }
 
 void LiveTracker::TakeEstimates() {

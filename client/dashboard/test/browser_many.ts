@@ -85,6 +85,53 @@ for (const size of sizes) {
   });
 }
 
+for (const size of sizes) {
+  test(`the result of 500 cameras on a ${size.name}: a screen of each, those with findings first, and one search for all`, async () => {
+    await visit(size, { cameras: 500 }, async ({ server, address, page }) => {
+      const { id } = server.addCalibration(['s-1']);
+      const names = server.rig.cameras.map((camera) => camera.name);
+      await page.goto(`${address}/#/result/${id}`);
+      const rows = page.locator('.panel.percamera tbody tr');
+      await rows.first().waitFor();
+      assert.equal(await rows.count(), fewCameras);
+      // The camera of the warning, that of the note, then the largest error.
+      assert.deepEqual((await page.locator('.panel.percamera tbody th').allTextContents()).slice(0, 3), [names[3], names[0], names[499]]);
+      const bars = page.locator('.panel.residuals .bars');
+      assert.equal(await bars.count(), fewCameras);
+      assert.equal(await bars.first().locator('.name').textContent(), names[3]);
+      assert.equal(await page.locator('.panel.offsets .bars').count(), fewCameras);
+      await page.locator('.panel.vectors .plot').first().waitFor();
+      assert.equal(await page.locator('.panel.vectors .plot').count(), fewCameras);
+      await page.locator('.panel.percamera').getByRole('button', { name: /Show more \(484 left\)/ }).click();
+      assert.equal(await rows.count(), 5 * fewCameras);
+      await page.getByLabel('Find a camera').fill(names[123]!);
+      await page.waitForFunction(() => document.querySelectorAll('.panel.percamera tbody tr').length === 1);
+      assert.equal(await bars.count(), 1);
+      assert.equal(await page.locator('.panel.vectors h3').textContent(), names[123]);
+      await page.getByLabel('Find a camera').fill('no such camera');
+      await page.getByText('No camera has this').waitFor();
+      await page.getByLabel('Find a camera').fill('');
+      await checkPage(page, `result of 500 cameras, ${size.name}`);
+    });
+  });
+
+  test(`a session of 500 cameras on a ${size.name}: those without the wand first, and a search`, async () => {
+    await visit(size, { cameras: 500 }, async ({ server, address, page }) => {
+      const names = wave(server);
+      server.rig.stop();
+      await page.goto(`${address}/#/records/s-1`);
+      const rows = page.locator('.panel.detail tbody tr');
+      await rows.first().waitFor();
+      assert.equal(await rows.count(), fewCameras);
+      assert.deepEqual((await page.locator('.panel.detail tbody th').allTextContents()).slice(0, names.length).sort(), [...names].sort());
+      await page.getByText('490 have seen the wand').waitFor();
+      await page.getByLabel('Find a camera').fill('frame_42');
+      await page.waitForFunction(() => document.querySelectorAll('.panel.detail tbody tr').length < 16);
+      await checkPage(page, `session of 500 cameras, ${size.name}`);
+    });
+  });
+}
+
 test('up to 16 cameras have their tiles as ever, 17 have the map', async () => {
   for (const [cameras, tiles, maps] of [[fewCameras, fewCameras, 0], [fewCameras + 1, 0, 1]] as const) {
     await visit(sizes[0], { cameras }, async ({ server, address, page }) => {

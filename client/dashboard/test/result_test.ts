@@ -4,6 +4,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { serverAddresses } from '../src/join/join_string';
 import { enlargement, residualQuantile } from '../src/result/draw_residuals';
+import { named, worstFirst } from '../src/result/worst_first';
 import { routeOf } from '../src/shell/route';
 
 /** As the server makes it, with an expiry, hash, secret and check sum of zeros. */
@@ -36,4 +37,25 @@ test('vectors of all cameras are enlarged alike, by 1, 2 or 5 times a power of t
   assert.equal(enlargement([camera(0.24)]), 200);
   assert.equal(enlargement([camera(300)]), 1);
   assert.equal(enlargement([]), 1);
+});
+
+test('cameras of a large result: the gravest finding first, then the largest error on what was held out', () => {
+  const camera = (name: string, px?: number) => ({ camera: name, ...(px === undefined ? {} : { held_out: { mean_px: px } }) });
+  const finding = (name: string, severity: 'ERROR' | 'WARNING' | 'INFO') => ({ camera: name, severity: `FINDING_SEVERITY_${severity}` as const });
+  const cameras = [camera('c10', 0.3), camera('c9', 0.3), camera('good', 0.1), camera('noted', 0.1), camera('worse', 0.2), camera('bad', 0.1),
+    camera('unmeasured')];
+  const findings = [finding('noted', 'INFO'), finding('bad', 'INFO'), finding('bad', 'ERROR'), finding('bad', 'WARNING'), finding('worse', 'WARNING'),
+    { severity: 'FINDING_SEVERITY_ERROR' as const }];
+  assert.deepEqual(worstFirst(cameras, findings).map((one) => one.camera), ['bad', 'worse', 'noted', 'c9', 'c10', 'good', 'unmeasured']);
+  assert.equal(cameras[0]!.camera, 'c10', 'what is given stays as it is');
+  assert.deepEqual(worstFirst([], findings), []);
+});
+
+test('a search finds names that hold every word of it', () => {
+  const names = ['hall_left_1', 'hall_right_1', 'HALL_LEFT_2'];
+  const found = (text: string) => named(names, (name) => name, text);
+  assert.deepEqual(found(''), names);
+  assert.deepEqual(found(' left '), ['hall_left_1', 'HALL_LEFT_2']);
+  assert.deepEqual(found('Left 1'), ['hall_left_1']);
+  assert.deepEqual(found('top'), []);
 });

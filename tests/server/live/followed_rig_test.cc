@@ -161,8 +161,10 @@ TEST_F(FollowedRigTest, CountsTheOverlapOfClocksThatDiffer) {
   const Arrivals left = Rows(10'000, 50), right = Rows(70'000, 50);
   Arrive("left", left);
   Arrive("right", right);
-  rig_.CountOverlap("left", left.rows);
-  rig_.CountOverlap("right", right.rows);
+  const std::string session_id = rig_.session()->id;
+  rig_.CountOverlap({{{session_id, "left", 1}, left},
+                     {{session_id, "right", 1}, right},
+                     {{"another session", "top", 1}, left}});
   const server::LiveOverlap overlap = rig_.DescribeOverlap();
   EXPECT_THAT(overlap.cameras, ElementsAre("left", "right", "top"));
   ASSERT_EQ(overlap.counts.size(), 3u);

@@ -4,13 +4,16 @@ import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import { timeMs, toCount } from '../api/json_values';
 import { createCalibration, deleteCalibration, deleteSession, discardSession, getSession, listCalibrations, listRigs, listSessions } from '../api/server_api';
-import type { Calibration, Session } from '../api/types';
+import type { Calibration, Session, SessionCamera } from '../api/types';
+import { FirstOf, SearchField } from '../cameras/camera_list';
+import { fewCameras } from '../cameras/camera_needs';
 import { useFeedControl } from '../shell/feed_context';
 import { Chip, Confirm, Panel, Problem, WorkButton } from '../shell/parts';
 import { hashOf, type Route } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
 import { calibrationMark } from '../result/grade';
 import { calibrationSpan } from '../result/result_page';
+import { named } from '../result/worst_first';
 import { count, dateTime, fixed, missing, span } from '../view/format';
 import { targetText } from '../view/target_text';
 import { sessionState } from '../wave/session_controls';
@@ -25,6 +28,31 @@ interface Deletion {
 function sessionSpan(session: Session): string {
   const [from, to] = [timeMs(session.start_time), timeMs(session.stop_time ?? session.finish_time)];
   return from === undefined || to === undefined ? missing : span((to - from) / 1000);
+}
+
+/** Of many cameras, those that have not ended or have no wand come first. */
+function SessionCameras({ cameras }: { cameras: readonly SessionCamera[] }): JSX.Element {
+  const [text, setText] = useState('');
+  const many = cameras.length > fewCameras;
+  const lacking = (camera: SessionCamera): number => (camera.ended ? 0 : 2) + (toCount(camera.wand_count) === 0 ? 1 : 0);
+  const shown = !many ? cameras : named([...cameras].sort((a, b) => lacking(b) - lacking(a)),
+    (camera) => `${camera.description?.camera ?? ''} ${camera.agent_id ?? ''}`, text);
+  return <>
+    {many && <p class="summary">{cameras.length} cameras, {cameras.filter((camera) => camera.ended).length} of them have ended, {
+      cameras.filter((camera) => toCount(camera.wand_count) > 0).length} have seen the wand</p>}
+    {many && <SearchField text={text} label="Find a camera or an agent" onChange={setText} />}
+    <FirstOf items={shown} step={fewCameras}>{(first) => <div class="scroll" tabIndex={0} role="region" aria-label="Cameras of the session"><table>
+      <thead><tr><th scope="col">camera</th><th scope="col">agent</th><th scope="col">observations</th><th scope="col">with wand</th><th scope="col">ended</th></tr></thead>
+      <tbody>{first.map((camera) => <tr key={camera.description?.camera}><th scope="row">{camera.description?.camera}</th>
+        <td>{camera.agent_id}</td><td>{count(toCount(camera.observation_count))}</td><td>{count(toCount(camera.wand_count))}</td>
+        <td>{camera.ended ? '✓ yes' : '○ no'}</td></tr>)}</tbody></table></div>}</FirstOf>
+  </>;
+}
+
+/** The names of a few, and how many more there are. */
+function fewNames(names: readonly string[]): string {
+  const more = names.length - fewCameras;
+  return more > 0 ? `${names.slice(0, fewCameras).join(', ')} and ${more} more` : names.join(', ');
 }
 
 function SessionDetail({ id }: { id: string }): JSX.Element {
@@ -44,12 +72,8 @@ function SessionDetail({ id }: { id: string }): JSX.Element {
         {session.continues && <div class="fact"><dt>continues</dt><dd><a href={hashOf('records', session.continues)}>{session.continues}</a></dd></div>}
         {toCount(session.late_count) > 0 && <div class="fact"><dt>late, not used</dt><dd>{count(toCount(session.late_count))}</dd></div>}
       </dl>
-      {!!session.missing_cameras?.length && <p class="problem">✕ Had not ended: {session.missing_cameras.join(', ')}</p>}
-      {!!session.cameras?.length && <div class="scroll" tabIndex={0} role="region" aria-label="Cameras of the session"><table>
-        <thead><tr><th scope="col">camera</th><th scope="col">agent</th><th scope="col">observations</th><th scope="col">with wand</th><th scope="col">ended</th></tr></thead>
-        <tbody>{session.cameras.map((camera) => <tr key={camera.description?.camera}><th scope="row">{camera.description?.camera}</th>
-          <td>{camera.agent_id}</td><td>{count(toCount(camera.observation_count))}</td><td>{count(toCount(camera.wand_count))}</td>
-          <td>{camera.ended ? '✓ yes' : '○ no'}</td></tr>)}</tbody></table></div>}
+      {!!session.missing_cameras?.length && <p class="problem">✕ Had not ended: {fewNames(session.missing_cameras)}</p>}
+      {!!session.cameras?.length && <SessionCameras cameras={session.cameras} />}
     </>}
   </Panel>;
 }

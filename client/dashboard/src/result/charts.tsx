@@ -2,6 +2,8 @@
 // Figures of a calibration as drawings. Each has its numbers beside it.
 import type { JSX } from 'preact';
 import type { CalibratedCamera } from '../api/types';
+import { FirstOf } from '../cameras/camera_list';
+import { fewCameras } from '../cameras/camera_needs';
 import { fixed, inMs } from '../view/format';
 
 const largest = (values: readonly number[]): number => Math.max(1e-9, ...values.filter(Number.isFinite));
@@ -17,14 +19,14 @@ export function ResidualChart({ cameras }: { cameras: readonly CalibratedCamera[
     <figcaption>Reprojection error, px: from median to 95th percentile; the tick is the RMS. To {fixed(scale, 1)} px.</figcaption>
     <p class="legend"><span><i class="key solved" />solved</span><span><i class="key heldout" />held out</span>
       <span><i class="key left" />from the other cameras</span></p>
-    {cameras.map((camera) => <div class="bars" key={camera.camera}>
+    <FirstOf items={cameras} step={fewCameras}>{(first) => first.map((camera) => <div class="bars" key={camera.camera}>
       <span class="name">{camera.camera}</span>
       <svg width="100%" height="30" role="img" aria-label={`${camera.camera}: RMS ${fixed(camera.residuals?.inlier?.rms_px, 2)} px solved, ${fixed(camera.held_out?.rms_px, 2)} px held out`}>
         {([['solved', camera.residuals?.inlier], ['heldout', camera.held_out], ['left', camera.leave_one_out]] as const)
           .map(([kind, figures], i) => figures?.marker_count ? <g key={kind} class={kind}>
             <rect x={at(figures.median_px)} y={3 + i * 9} width={wide(figures.median_px, figures.p95_px)} height={6} rx={1} />
             <rect class="tick" x={at(figures.rms_px)} y={1.5 + i * 9} width={2} height={9} /></g> : null)}
-      </svg></div>)}
+      </svg></div>)}</FirstOf>
   </figure>;
 }
 
@@ -35,7 +37,7 @@ export function TimeOffsetChart({ cameras }: { cameras: readonly CalibratedCamer
   const at = (s: number) => `${50 + (50 * s) / reach}%`;
   return <figure class="chart">
     <figcaption>Time offset to the median clock, with three sigmas; from −{inMs(reach, 1)} to {inMs(reach, 1)} ms.</figcaption>
-    {cameras.map((camera) => {
+    <FirstOf items={cameras} step={fewCameras}>{(first) => first.map((camera) => {
       const offset = camera.time_offset_s ?? 0;
       const sigma = camera.uncertainty?.time_offset_sigma_s ?? 0;
       return <div class="bars" key={camera.camera}>
@@ -46,6 +48,6 @@ export function TimeOffsetChart({ cameras }: { cameras: readonly CalibratedCamer
           <circle class={camera.time_offset_estimated ? 'dot' : 'dot open'} cx={at(offset)} cy="9" r="4" />
         </svg>
         <span class="value">{sigma > 0 ? `${inMs(offset)} ± ${inMs(sigma)}` : inMs(offset)} ms</span></div>;
-    })}
+    })}</FirstOf>
   </figure>;
 }

@@ -4,6 +4,8 @@ import type { JSX } from 'preact';
 import { useMemo } from 'preact/hooks';
 import { getResiduals } from '../api/server_api';
 import type { CameraResiduals } from '../api/types';
+import { FirstOf } from '../cameras/camera_list';
+import { fewCameras } from '../cameras/camera_needs';
 import { Canvas } from '../shell/canvas';
 import { useLoaded } from '../shell/use_async';
 import { memo } from '../wave/memo';
@@ -47,16 +49,21 @@ const CameraPlot = memo(function CameraPlot({ residuals, enlarged, theme }: {
   </li>;
 });
 
-/** Vectors and histograms of a calibration. */
-export function ResidualVectors({ id, theme }: { id: string; theme: string }): JSX.Element {
+/** Vectors and histograms of a calibration. `order`: of these cameras, in this order; without it, of all. */
+export function ResidualVectors({ id, theme, order }: { id: string; theme: string; order?: readonly string[] | undefined }): JSX.Element {
   const loaded = useLoaded(`residuals ${id}`, (signal) => getResiduals(id, signal));
   const cameras = loaded.value?.cameras ?? [];
   const enlarged = useMemo(() => enlargement(cameras), [loaded.value]);
+  const listed = useMemo(() => {
+    if (order === undefined) return cameras;
+    const byName = new Map(cameras.map((camera) => [camera.camera, camera]));
+    return order.flatMap((name) => byName.get(name) ?? []);
+  }, [loaded.value, order?.join(' ')]);
   if (loaded.problem !== '') return <p class="hint">No vectors: {loaded.problem}</p>;
   if (cameras.length === 0) return <p class="hint">Loading the vectors …</p>;
   return <>
     <p class="legend"><span><i class="key vector" />projected minus measured, {enlarged}× enlarged</span>
       <span><b class="cross" aria-hidden="true">✕</b>left out as outlier</span><span>below: how many, by length</span></p>
-    <ul class="plots">{cameras.map((camera) => <CameraPlot key={camera.camera} residuals={camera} enlarged={enlarged} theme={theme} />)}</ul>
+    <FirstOf items={listed} step={fewCameras}>{(first) => <ul class="plots">{first.map((camera) => <CameraPlot key={camera.camera} residuals={camera} enlarged={enlarged} theme={theme} />)}</ul>}</FirstOf>
   </>;
 }

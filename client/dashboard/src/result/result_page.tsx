@@ -4,6 +4,8 @@ import { useEffect, useMemo, useState } from 'preact/hooks';
 import { durationSeconds, timeMs } from '../api/json_values';
 import { cancelCalibration, getAccuracy, getCalibration, listCalibrations, listRigs } from '../api/server_api';
 import type { CalibratedCamera, Calibration, Finding } from '../api/types';
+import { FirstOf, SearchField } from '../cameras/camera_list';
+import { fewCameras } from '../cameras/camera_needs';
 import { SceneView } from '../scene/scene_view';
 import { Chip, Fact, type Mark, Meter, Panel, Problem, WorkButton } from '../shell/parts';
 import { hashOf, type Route } from '../shell/route';
@@ -19,6 +21,7 @@ import { frameName, FramePanel } from './frame_panel';
 import { goalOf } from './goal';
 import { calibrationMark, gradeOf } from './grade';
 import { ResidualVectors } from './residual_panel';
+import { named, worstFirst } from './worst_first';
 
 /** A calibration with all that is known of its quality; without an id the newest of the rig. */
 export function ResultPage({ route, theme }: { route: Route; theme: string }): JSX.Element {
@@ -89,6 +92,10 @@ function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
   const accuracy = useLoaded(`accuracy ${id}`, (signal) => getAccuracy(id, signal));
   const model = useMemo(() => modelOfCalibration(calibration, accuracy.value), [calibration, accuracy.value]);
   const cameras = calibration.cameras ?? [];
+  const many = cameras.length > fewCameras;
+  const [text, setText] = useState('');
+  const shown = useMemo(() => (many ? named(worstFirst(cameras, calibration.findings ?? []), (one) => one.camera ?? '', text) : cameras),
+    [calibration, text]);
   const [mark, words] = gradeOf(calibration);
   const goal = useLoaded(`goal of ${id}`, (signal) => goalOf(calibration, signal));
   const shape = accuracy.value?.shape;
@@ -130,18 +137,21 @@ function Succeeded({ calibration, others, withId, theme, turn, onActive }: {
     </Panel>
     <Panel name="findings" title={`Findings (${calibration.findings?.length ?? 0})`}>
       {!calibration.findings?.length && <p><Chip mark="good">Nothing found</Chip></p>}
-      <ul class="findings">{calibration.findings?.map((finding, i) => <FindingRow key={i} finding={finding} />)}</ul>
+      <FirstOf items={calibration.findings ?? []} step={fewCameras}>{(first) => <ul class="findings">{first.map((finding, i) => <FindingRow key={i} finding={finding} />)}</ul>}</FirstOf>
     </Panel>
-    <Panel name="percamera" title="Cameras"><CameraTable cameras={cameras} /></Panel>
+    <Panel name="percamera" title={many ? `Cameras (${cameras.length})` : 'Cameras'}>
+      {many && <SearchField text={text} label="Find a camera, here and below" onChange={setText} />}
+      {shown.length === 0 ? <p class="empty">No camera has this in its name.</p> : <CameraTable cameras={shown} worstFirst={many} />}
+    </Panel>
     <div class="pair">
-    <Panel name="residuals" title="Residuals"><ResidualChart cameras={cameras} /></Panel>
-    <Panel name="offsets" title="Time offsets"><TimeOffsetChart cameras={cameras} /></Panel>
+    <Panel name="residuals" title="Residuals"><ResidualChart cameras={shown} /></Panel>
+    <Panel name="offsets" title="Time offsets"><TimeOffsetChart cameras={shown} /></Panel>
     </div>
     <Panel name="space" title="Rig">
       <SceneView model={model} goalMm={goal.value} theme={theme} label="Cameras, their uncertainty, and the expected error"
         note={model.ellipsoids.size > 0 ? 'blue: position sigmas, enlarged' : ''} />
     </Panel>
-    <Panel name="vectors" title="Residuals over the image"><ResidualVectors id={id} theme={theme} /></Panel>
+    <Panel name="vectors" title="Residuals over the image"><ResidualVectors id={id} theme={theme} order={many ? shown.map((one) => one.camera ?? '') : undefined} /></Panel>
     <div class="pair finish">
     <FramePanel key={id} calibration={calibration} />
     <ActiveHistory rig={calibration.rig ?? ''} turn={turn} onChange={onActive} />
@@ -209,9 +219,11 @@ const columns: readonly Column[] = [
   { name: 'lens', title: 'Whether the intrinsics were refined here', value: (c) => (c.intrinsics_refined ? 1 : 0), show: (c) => (c.intrinsics_refined ? 'refined' : 'as given') },
 ];
 
-function CameraTable({ cameras }: { cameras: readonly CalibratedCamera[] }): JSX.Element {
-  const [order, setOrder] = useState({ column: 0, down: false });
+/** `worstFirst`: in the order in which they come, until a column is chosen. */
+function CameraTable({ cameras, worstFirst }: { cameras: readonly CalibratedCamera[]; worstFirst: boolean }): JSX.Element {
+  const [order, setOrder] = useState({ column: worstFirst ? -1 : 0, down: false });
   const sorted = useMemo(() => {
+    if (order.column < 0) return cameras;
     const value = columns[order.column]!.value;
     return [...cameras].sort((a, b) => {
       const [x, y] = [value(a), value(b)];
@@ -219,14 +231,14 @@ function CameraTable({ cameras }: { cameras: readonly CalibratedCamera[] }): JSX
       return order.down ? -up : up;
     });
   }, [cameras, order]);
-  return <div class="scroll" tabIndex={0} role="region" aria-label="Result for each camera"><table>
+  return <FirstOf items={sorted} step={fewCameras}>{(first) => <div class="scroll" tabIndex={0} role="region" aria-label="Result for each camera"><table>
     <thead><tr>{columns.map((column, i) => <th key={column.name} scope="col" title={column.title}
       aria-sort={order.column !== i ? 'none' : order.down ? 'descending' : 'ascending'}>
       <button type="button" class="sort" onClick={() => setOrder({ column: i, down: order.column === i && !order.down })}>
         {column.name}<span aria-hidden="true">{order.column !== i ? '' : order.down ? ' ▾' : ' ▴'}</span></button></th>)}</tr></thead>
-    <tbody>{sorted.map((camera) => <tr key={camera.camera}>{columns.map((column, i) => i === 0
+    <tbody>{first.map((camera) => <tr key={camera.camera}>{columns.map((column, i) => i === 0
       ? <th key={column.name} scope="row">{column.show(camera)}</th> : <td key={column.name}>{column.show(camera)}</td>)}</tr>)}</tbody>
-  </table></div>;
+  </table></div>}</FirstOf>;
 }
 
 function Compare({ calibration, others, withId }: { calibration: Calibration; others: readonly Calibration[]; withId: string }): JSX.Element {
@@ -234,6 +246,8 @@ function Compare({ calibration, others, withId }: { calibration: Calibration; ot
   const usable = others.filter((one) => one.id !== id && one.state === 'STATE_SUCCEEDED');
   const other = useLoaded(`with ${withId}`, (signal) => (withId === '' ? Promise.resolve(undefined) : getCalibration(withId, signal)));
   const comparison = useMemo(() => (other.value ? compareCalibrations(calibration, other.value) : undefined), [calibration, other.value]);
+  const moved = comparison?.cameras ?? [];
+  const compared = moved.length <= fewCameras ? moved : [...moved].sort((a, b) => (b.positionSigmas ?? 0) - (a.positionSigmas ?? 0));
   return <Panel name="compare" title="Comparison">
     <label>With <select value={withId} onChange={(event) => { location.hash = hashOf('result', id, { with: event.currentTarget.value }); }}>
       <option value="">nothing</option>
@@ -243,15 +257,15 @@ function Compare({ calibration, others, withId }: { calibration: Calibration; ot
     {comparison && <>
       <p class="hint">{comparison.reference === '' ? 'They have no camera in common.'
         : `${id} minus ${withId}, both as seen from ${comparison.reference}. More than 3 sigmas is more than chance.`}</p>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Differences"><table>
+      <FirstOf items={compared} step={fewCameras}>{(first) => <div class="scroll" tabIndex={0} role="region" aria-label="Differences"><table>
         <thead><tr><th scope="col">camera</th><th scope="col">moved mm</th><th scope="col">sigmas</th><th scope="col">turned °</th>
           <th scope="col">f %</th><th scope="col">offset ms</th><th scope="col">held out px</th></tr></thead>
-        <tbody>{comparison.cameras.map((one) => <tr key={one.camera} class={(one.positionSigmas ?? 0) > 3 ? 'notable' : ''}>
+        <tbody>{first.map((one) => <tr key={one.camera} class={(one.positionSigmas ?? 0) > 3 ? 'notable' : ''}>
           <th scope="row">{one.camera}</th><td>{millimetres(one.positionMm)}</td>
           <td>{(one.positionSigmas ?? 0) > 3 && <span title="More than chance">▲ </span>}{fixed(one.positionSigmas, 1)}</td>
           <td>{fixed(one.rotationDeg, 3)}</td><td>{fixed(one.focalPercent, 2)}</td><td>{fixed(one.timeMs, 3)}</td>
           <td>{fixed(one.heldOutPx, 3)}</td></tr>)}</tbody>
-      </table></div></>}
+      </table></div>}</FirstOf></>}
     {usable.length === 0 && <p class="hint">There is no other calibration to compare with.</p>}
   </Panel>;
 }

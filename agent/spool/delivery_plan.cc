@@ -11,13 +11,14 @@ namespace {
 
 constexpr size_t kMaxRemembered = 1024;
 constexpr size_t kMaxAlignments = 64;
+constexpr int kWaitsOfTheServer = 4;
 
 }  // namespace
 
 void DeliveryPlan::RoundTrip::Add(Clock::duration measured) {
-  const bool is_first = smoothed == Clock::duration(0);
-  smoothed = is_first ? measured : (7 * smoothed + measured) / 8;
-  shortest = is_first ? measured : std::min(shortest, measured);
+  smoothed = known ? (7 * smoothed + measured) / 8 : measured;
+  shortest = known ? std::min(shortest, measured) : measured;
+  known = true;
 }
 
 void DeliveryPlan::BeginConnection(size_t max_batch_rows) {
@@ -193,15 +194,13 @@ std::optional<DeliveryPlan::Message> DeliveryPlan::NextRows(const SpooledStream&
 
 DeliveryPlan::Clock::time_point DeliveryPlan::DueTime(const Progress& progress,
                                                       Clock::time_point now) const {
-  Clock::duration wait = flush_interval_;
-  if (!progress.IsAcknowledged()) {
-    Clock::duration round_trip = round_trip_.smoothed;
-    // One that is not at its end says more than earlier ones if it takes longer.
-    if (progress.timed_seq != 0) round_trip = std::max(round_trip, now - progress.timed_since);
-    const Clock::duration queued = round_trip - round_trip_.shortest;
-    wait = std::max(wait, std::min<Clock::duration>(queued, kLongestWait));
-  }
-  return progress.last_sent + wait;
+  if (!round_trip_.known) return progress.last_sent + flush_interval_;
+  Clock::duration round_trip = round_trip_.smoothed;
+  // One that is not at its end says more than earlier ones if it takes longer.
+  if (progress.timed_seq != 0) round_trip = std::max(round_trip, now - progress.timed_since);
+  const Clock::duration wait = kWaitsOfTheServer * (round_trip - round_trip_.shortest);
+  return progress.last_sent +
+         std::max(flush_interval_, std::min<Clock::duration>(wait, kLongestWait));
 }
 
 bool DeliveryPlan::HasEndedBefore(const StreamKey& stream) const {

@@ -20,20 +20,20 @@ namespace rigcal::agent {
 // that are durable at the server. Knows no network; for one thread.
 //
 // A full batch leaves at once, however many are on their way. Fewer rows leave at once behind a
-// pause, and else when `flush_interval` has passed since the stream's last batch and the server has
-// acknowledged that (as in Nagle, RFC 896), or does not keep acknowledgements waiting: batches grow
-// while the server is busy, and a server that is behind gets fewer of them. How long it keeps them
-// waiting is the round trip of a batch, smoothed as in RFC 6298 (2.3), less the shortest on this
-// connection (Brakmo and Peterson, TCP Vegas, 1995): over a slow link to an idle server that is
-// nothing.
+// pause, and else `flush_interval` after the stream's last batch, or later while the server keeps
+// batches waiting: four times as long as it does, so that a stream's batch waits for the server for
+// a fifth of the time at most. Batches grow by themselves while the server is busy, and its queue
+// stays short. How long it keeps them waiting is the time until a batch is acknowledged, smoothed
+// as in RFC 6298 (2.3), less the shortest on this connection (Brakmo and Peterson, TCP Vegas,
+// 1995): over a slow link to an idle server that is nothing.
 class DeliveryPlan {
  public:
   using Message = std::variant<ObservationBatch, EndOfCapture>;
 
   using Clock = std::chrono::steady_clock;
 
-  // So long rows wait at most for an acknowledgement.
-  static constexpr std::chrono::milliseconds kLongestWait{1'000};
+  // So long rows wait at most to become a full batch.
+  static constexpr std::chrono::milliseconds kLongestWait{200};
 
   // `keeps_until_standby`: the spool forgets rows once the server's standby has them, not before.
   DeliveryPlan(ObservationSpool* spool, Clock::duration flush_interval,
@@ -103,11 +103,10 @@ class DeliveryPlan {
     Clock::time_point last_sent;
     uint32_t timed_seq = 0;  // the last row of the batch whose round trip is measured; 0: none is
     Clock::time_point timed_since;
-
-    bool IsAcknowledged() const { return next_seq == durable_seq + 1; }
   };
-  // Of the batches of this connection. None was acknowledged yet: both are 0.
+  // From sending a batch until it is acknowledged, on this connection.
   struct RoundTrip {
+    bool known = false;
     Clock::duration smoothed{0};
     Clock::duration shortest{0};
 

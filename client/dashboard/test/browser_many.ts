@@ -88,7 +88,7 @@ for (const size of sizes) {
 for (const size of sizes) {
   test(`the result of 500 cameras on a ${size.name}: a screen of each, those with findings first, and one search for all`, async () => {
     await visit(size, { cameras: 500 }, async ({ server, address, page }) => {
-      const { id } = server.addCalibration(['s-1']);
+      const id = [...server.calibrations.keys()].at(-1)!;
       const names = server.rig.cameras.map((camera) => camera.name);
       await page.goto(`${address}/#/result/${id}`);
       const rows = page.locator('.panel.percamera tbody tr');
@@ -115,18 +115,23 @@ for (const size of sizes) {
     });
   });
 
-  test(`a session of 500 cameras on a ${size.name}: those without the wand first, and a search`, async () => {
+  test(`a session of 500 cameras on a ${size.name}: those that have not ended or have no wand first, and a search`, async () => {
     await visit(size, { cameras: 500 }, async ({ server, address, page }) => {
-      const names = wave(server);
-      server.rig.stop();
-      await page.goto(`${address}/#/records/s-1`);
+      const names = server.rig.cameras.map((camera) => camera.name);
+      const cameras = names.map((camera, i) => ({ description: { camera }, agent_id: `pc-${i}`, observation_count: '100',
+        wand_count: blind.includes(i) ? '0' : '90', ended: i !== 200 }));
+      Object.assign(server.sessions.get('s-000001')!, { cameras, missing_cameras: names.slice(0, 20) });
+      await page.goto(`${address}/#/records/s-000001`);
       const rows = page.locator('.panel.detail tbody tr');
       await rows.first().waitFor();
       assert.equal(await rows.count(), fewCameras);
-      assert.deepEqual((await page.locator('.panel.detail tbody th').allTextContents()).slice(0, names.length).sort(), [...names].sort());
-      await page.getByText('490 have seen the wand').waitFor();
-      await page.getByLabel('Find a camera').fill('frame_42');
-      await page.waitForFunction(() => document.querySelectorAll('.panel.detail tbody tr').length < 16);
+      const listed = page.locator('.panel.detail tbody th');
+      assert.deepEqual((await listed.allTextContents()).slice(0, 11), [names[200], ...blind.map((i) => names[i])]);
+      await page.getByText('500 cameras, 499 of them have ended, 490 have seen the wand').waitFor();
+      await page.getByText('and 4 more').waitFor();
+      await page.getByLabel('Find a camera or an agent').fill('pc-499');
+      await page.waitForFunction(() => document.querySelectorAll('.panel.detail tbody tr').length === 1);
+      assert.equal(await listed.textContent(), names[499]);
       await checkPage(page, `session of 500 cameras, ${size.name}`);
     });
   });

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <map>
 #include <memory>
 #include <string>
@@ -23,13 +24,19 @@
 
 namespace rigcal::testing {
 
-inline v1::CreateSessionRequest WandSession() {
+inline v1::CreateSessionRequest WandSession(const std::string& id = "wave") {
   Target target;
   target.marker_positions_m = {0, 0.13, 0.39};
   v1::CreateSessionRequest request;
-  request.set_id("wave");
+  request.set_id(id);
   *request.mutable_target() = wire::ToProto(target);
   return request;
+}
+
+// An environment variable that makes a test longer, or larger.
+inline int Asked(const char* variable, int usual) {
+  const char* asked = std::getenv(variable);
+  return asked == nullptr ? usual : std::max(1, std::atoi(asked));
 }
 
 inline uint64_t StoredCount(const std::string& address) {
@@ -161,20 +168,21 @@ class RunningWave : public ::testing::Test {
                                      const v1::Session& session) {
     const ServerProcess server(directory_.path() / "undisturbed");
     ServerClient client(server.address());
-    v1::CreateSessionRequest request = WandSession();
+    const std::string& id = session.id();
+    v1::CreateSessionRequest request = WandSession(id);
     for (const v1::SessionCamera& camera : session.cameras()) {
       *request.add_cameras() = camera.description();
     }
     EXPECT_THAT(client.CreateSession(request), IsOk());
-    EXPECT_THAT(client.StartSession("wave"), IsOk());
+    EXPECT_THAT(client.StartSession(id), IsOk());
     for (const ObservationBatch& batch : batches) EXPECT_THAT(client.Upload(batch), IsOk());
     for (const v1::SessionCamera& camera : session.cameras()) {
-      EXPECT_THAT(client.UploadEnd("wave", camera.description().camera(),
+      EXPECT_THAT(client.UploadEnd(id, camera.description().camera(),
                                    camera.streams(0).stream_epoch(), camera.streams(0).last_seq()),
                   IsOk());
     }
-    EXPECT_THAT(client.WaitUntilFinished("wave"), IsOk());
-    const auto calibration = client.Calibrate("wave");
+    EXPECT_THAT(client.WaitUntilFinished(id), IsOk());
+    const auto calibration = client.Calibrate(id);
     EXPECT_THAT(calibration, IsOk());
     return calibration.ok() ? ComparableBytes(*calibration) : "";
   }

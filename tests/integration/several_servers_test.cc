@@ -24,11 +24,6 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 // RIGCAL_KILLS, RIGCAL_AGENTS: how often a server is killed, and how many cameras there are.
-int Asked(const char* variable, int usual) {
-  const char* asked = std::getenv(variable);
-  return asked == nullptr ? usual : std::max(1, std::atoi(asked));
-}
-
 class SeveralServers : public RunningWave {
  protected:
   SeveralServers()

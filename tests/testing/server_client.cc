@@ -118,25 +118,53 @@ absl::StatusOr<v1::Session> ServerClient::WaitUntilFinished(const std::string& i
 }
 
 absl::StatusOr<v1::Calibration> ServerClient::Calibrate(const std::string& session, int limit_s) {
-  v1::CreateCalibrationResponse created;
-  {
-    grpc::ClientContext context;
-    SetDeadline(&context);
-    v1::CreateCalibrationRequest request;
-    request.add_session_ids(session);
-    RIGCAL_RETURN_IF_ERROR(
-        wire::FromGrpc(calibrations_->CreateCalibration(&context, request, &created)));
-  }
+  RIGCAL_ASSIGN_OR_RETURN(const v1::Calibration created, CreateCalibration(session));
   grpc::ClientContext context;
   SetDeadline(&context, limit_s);
   v1::WatchCalibrationRequest request;
-  request.set_id(created.calibration().id());
+  request.set_id(created.id());
   const auto reader = calibrations_->WatchCalibration(&context, request);
   v1::WatchCalibrationResponse response;
   while (reader->Read(&response)) {
   }
   RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(reader->Finish()));
   return response.calibration();
+}
+
+absl::StatusOr<v1::Calibration> ServerClient::CreateCalibration(const std::string& session) {
+  grpc::ClientContext context;
+  SetDeadline(&context);
+  v1::CreateCalibrationRequest request;
+  request.add_session_ids(session);
+  v1::CreateCalibrationResponse response;
+  RIGCAL_RETURN_IF_ERROR(
+      wire::FromGrpc(calibrations_->CreateCalibration(&context, request, &response)));
+  return response.calibration();
+}
+
+absl::StatusOr<v1::Calibration> ServerClient::GetCalibration(const std::string& id) {
+  grpc::ClientContext context;
+  SetDeadline(&context);
+  v1::GetCalibrationRequest request;
+  request.set_id(id);
+  v1::GetCalibrationResponse response;
+  RIGCAL_RETURN_IF_ERROR(
+      wire::FromGrpc(calibrations_->GetCalibration(&context, request, &response)));
+  return response.calibration();
+}
+
+absl::StatusOr<std::vector<v1::Calibration>> ServerClient::ListCalibrations(
+    const std::string& session) {
+  grpc::ClientContext context;
+  SetDeadline(&context);
+  v1::ListCalibrationsRequest request;
+  request.set_filter("session_ids:" + session);
+  request.set_order_by("create_time");
+  v1::ListCalibrationsResponse response;
+  RIGCAL_RETURN_IF_ERROR(
+      wire::FromGrpc(calibrations_->ListCalibrations(&context, request, &response)));
+  return std::vector<v1::Calibration>(response.calibrations().begin(),
+                                      response.calibrations().end());
 }
 
 absl::StatusOr<std::vector<ObservationBatch>> ServerClient::ReadObservations(

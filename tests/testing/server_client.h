@@ -34,6 +34,11 @@ class ServerClient {
   absl::StatusOr<v1::Session> WaitUntilFinished(const std::string& id);
   // Creates a calibration and waits until it has succeeded or failed.
   absl::StatusOr<v1::Calibration> Calibrate(const std::string& session, int limit_s = 100);
+  // Queues one.
+  absl::StatusOr<v1::Calibration> CreateCalibration(const std::string& session);
+  absl::StatusOr<v1::Calibration> GetCalibration(const std::string& id);
+  // Those made from this session, without their cameras; the oldest first.
+  absl::StatusOr<std::vector<v1::Calibration>> ListCalibrations(const std::string& session);
   // All rows of a camera as one batch per (stream_epoch, clock_epoch) run, in the stored order.
   absl::StatusOr<std::vector<ObservationBatch>> ReadObservations(const std::string& session);
 

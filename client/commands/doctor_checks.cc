@@ -109,7 +109,18 @@ Check CheckConnections(const v1::ConnectionStatus& connections) {
   return {CheckLevel::kOk, "connections", open};
 }
 
-Check CheckDisk(const v1::StoreStatus& store) {
+Check CheckStore(const v1::StoreStatus& store) {
+  if (store.kind() == "postgresql") {
+    // Where it is, and how much room it has, only its own PC knows.
+    if (store.problem().empty()) {
+      return {CheckLevel::kOk, "database",
+              absl::StrCat("PostgreSQL answers; the database takes ",
+                           FormatBytes(store.size_bytes()))};
+    }
+    return {CheckLevel::kFail, "database", store.problem(),
+            "look at PostgreSQL, its disk, and the network to it: agents keep what they capture, "
+            "and rigcal-server goes on by itself"};
+  }
   if (!store.problem().empty()) {
     return {CheckLevel::kFail, "disk", store.problem(),
             "check the disk and the data (rigcal-server check), then restart rigcal-server"};

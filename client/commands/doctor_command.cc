@@ -56,7 +56,7 @@ std::vector<Check> CheckServer(ServerConnection& server, const v1::GetStatusResp
   const absl::StatusOr<std::string> health = server.CheckHealth();
   checks.push_back(health.ok() ? CheckHealthWord(*health) : CannotAsk("health", health.status()));
   checks.push_back(CheckIngest(status.ingest()));
-  checks.push_back(CheckDisk(status.store()));
+  checks.push_back(CheckStore(status.store()));
   checks.push_back(CheckConnections(status.connections()));
   if (status.has_standby()) checks.push_back(CheckStandby(status.standby()));
   const auto agents = ReadAllPages(server, &v1::AgentService::Stub::ListAgents);

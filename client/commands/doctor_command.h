@@ -66,7 +66,7 @@ Check CheckIngest(const rigcal::v1::IngestStatus& ingest);
 // Of the server that follows this one.
 Check CheckStandby(const rigcal::v1::StandbyStatus& standby);
 Check CheckConnections(const rigcal::v1::ConnectionStatus& connections);
-Check CheckDisk(const rigcal::v1::StoreStatus& store);
+Check CheckStore(const rigcal::v1::StoreStatus& store);
 Check CheckAgents(const rigcal::v1::ListAgentsResponse& agents);
 // Cameras that agents see or have chosen. None: nothing is offered.
 std::optional<Check> CheckOfferedCameras(const rigcal::v1::ListAgentsResponse& agents);

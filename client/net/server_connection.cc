@@ -57,6 +57,11 @@ std::string CauseOf(const std::string& message) {
                                                                    : message.substr(colon + 2);
 }
 
+// No server has got the call.
+bool IsConnecting(const grpc::Status& status) {
+  return absl::StrContains(absl::AsciiStrToLower(status.error_message()), "failed to connect");
+}
+
 // What the call itself was mistaken about needs no log.
 bool IsLogged(absl::StatusCode code) {
   return code != absl::StatusCode::kNotFound && code != absl::StatusCode::kInvalidArgument &&
@@ -107,7 +112,13 @@ std::string ServerConnection::OtherRefusals(const Link& link) const {
 void ServerConnection::Settle() {
   const std::lock_guard lock(mutex_);
   refusals_.clear();
+  answered_.insert(link_->address);
   servers_.Settle();
+}
+
+bool ServerConnection::HasAnswered(const Link& link) const {
+  const std::lock_guard lock(mutex_);
+  return answered_.contains(link.address);
 }
 
 bool ServerConnection::MayAskAgain(const Link& link, const grpc::Status& status,
@@ -132,8 +143,7 @@ ServerConnection::Next ServerConnection::MoveOn(const Link& link, const grpc::St
   const std::string active =
       named == trailing.end() ? "" : std::string(named->second.data(), named->second.length());
   const bool begun =
-      !absl::StartsWith(status.error_message(), wire::kNotActive) &&
-      !absl::StrContains(absl::AsciiStrToLower(status.error_message()), "failed to connect");
+      !absl::StartsWith(status.error_message(), wire::kNotActive) && !IsConnecting(status);
   const std::lock_guard lock(mutex_);
   if (absl::StartsWith(status.error_message(), wire::kNotActive)) {
     refusals_[link.address] = status.error_message();
@@ -172,8 +182,16 @@ absl::Status ServerConnection::Explain(const Link& link, const grpc::Status& sta
   }
   const bool plain = wire::IsOnThisMachine(link.address) && !link.address.starts_with("unix:") &&
                      !identity_.Exists();
-  if (status.error_code() == grpc::StatusCode::UNAVAILABLE && plain &&
-      (absl::StrContains(cause, "Socket closed") || absl::StrContains(cause, "reset by peer"))) {
+  const bool closed =
+      absl::StrContains(cause, "Socket closed") || absl::StrContains(cause, "reset by peer");
+  // A server that wants a certificate closes a connection before it answers anything.
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE && closed &&
+      (HasAnswered(link) || !IsConnecting(status))) {
+    return absl::UnavailableError(
+        absl::StrCat("the connection to the server at ", link.address, " was lost (", cause,
+                     "): it has ended, starts again, or the network is cut; try again"));
+  }
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE && plain && closed) {
     return absl::UnavailableError(absl::StrCat(
         "the server at ", link.address, " closes connections without a certificate (", cause,
         "). Where it is open to the network, only the user who runs it needs none, without "

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -173,7 +174,9 @@ class ServerConnection {
   static void AddCorrelation(grpc::ClientContext* context);
   std::shared_ptr<const Link> MakeLink(const std::string& address) const;
   std::shared_ptr<const Link> link() const;
+  // A server has answered.
   void Settle();
+  bool HasAnswered(const Link& link) const;
   // Lines for those of other servers than this one; empty: there are none.
   std::string OtherRefusals(const Link& link) const;
   // What to do with a call that failed: it is over; no server has begun it and the next one can be
@@ -196,6 +199,7 @@ class ServerConnection {
   std::shared_ptr<const Link> link_;  // to servers_.current()
   // What waiting servers and standbys said since one has answered, by their addresses.
   std::map<std::string, std::string> refusals_;
+  std::set<std::string> answered_;  // addresses of servers that have answered
 };
 
 // The resource in a response.

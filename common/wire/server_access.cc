@@ -2,6 +2,7 @@
 #include "common/wire/server_access.h"
 
 #include <arpa/inet.h>
+#include <netdb.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -75,6 +76,23 @@ bool Answers(const std::filesystem::path& path) {
   return answers;
 }
 
+// A name that nobody knows is no server that wants a certificate.
+absl::Status CheckHasAddress(const std::string& address) {
+  std::string host = address.substr(0, address.rfind(':'));
+  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  const int error = getaddrinfo(host.c_str(), nullptr, &hints, &found);
+  if (error == 0) {
+    freeaddrinfo(found);
+    return absl::OkStatus();
+  }
+  return absl::UnavailableError(absl::StrCat(
+      "no PC named '", host, "' is known here (", gai_strerror(error), "), so ", address,
+      " cannot be reached: correct the name, give its IP address, or add it to /etc/hosts"));
+}
+
 }  // namespace
 
 ClientIdentity ClientIdentity::OfUser() {
@@ -119,6 +137,7 @@ absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> CredentialsFor(
     return grpc::InsecureChannelCredentials();
   }
   if (!identity.Exists()) {
+    RIGCAL_RETURN_IF_ERROR(CheckHasAddress(address));
     return absl::FailedPreconditionError(absl::StrCat(
         "the server at ", address, " is on another machine and wants a certificate, and this PC ",
         "has none; make a join string on the server's PC (rigcal token create), and here run ",

@@ -37,7 +37,8 @@ std::string DefaultServerAddress(const ClientIdentity& identity);
 
 // None for a server on this machine that was not joined. For others mutual TLS with the files of
 // `identity`, as they are now; the server's certificate must name the host in `address`.
-// FAILED_PRECONDITION: they are missing or damaged; the message says what to do.
+// FAILED_PRECONDITION: they are missing or damaged; the message says what to do. UNAVAILABLE: they
+// are missing, and the name in `address` is of no PC.
 absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> CredentialsFor(
     const std::string& address, const ClientIdentity& identity);
 

@@ -122,7 +122,7 @@ void EstimateLoop::Run() {
       for (const std::string& id : rows_.Sessions()) {
         if (stopping_) return;
         const Time now = std::chrono::steady_clock::now();
-        if (now < progress_[id].next) continue;
+        if (now < progress_[id].next || (waits_ && waits_(id))) continue;
         progress_[id].next = now + options_.max_age;  // also where it fails
         const absl::Status status =
             Guarded(absl::StrCat("session ", id), [&] { EstimateSession(id); });

@@ -10,6 +10,7 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -46,6 +47,11 @@ class EstimateLoop {
                       const ObservationBatch& rows) {
     rows_.AddEarlier(session_id, camera, rows);
   }
+  // Sessions for which this is true wait with their estimate: more rows are on their way. Before
+  // Start; called by the loop's thread.
+  void SetWaits(std::function<bool(const std::string& session_id)> waits) {
+    waits_ = std::move(waits);
+  }
   void Start();
   // Ends the estimate that is being made.
   void Shutdown();
@@ -69,6 +75,7 @@ class EstimateLoop {
   const Store* const store_;
   const EstimateFunction estimate_;
   const std::function<void(LiveEstimate)> show_;
+  std::function<bool(const std::string&)> waits_;
   RowCollection rows_;
   std::map<std::string, Progress> progress_;  // of the loop's thread
   std::atomic<bool> stopping_ = false;

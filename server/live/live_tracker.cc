@@ -243,6 +243,10 @@ void LiveTracker::ReadEarlier(const Session& session,
   if (waves.own_until.empty() && waves.session.continues.empty()) return;
   // Whoever collects rows keeps them, also while the rig shows another session.
   const bool tapped = !read_sessions_.insert(waves.session.id).second;
+  {
+    const std::lock_guard lock(mutex_);
+    reading_sessions_.insert(waves.session.id);
+  }
   reading_.Post([this, waves = std::move(waves), tapped] {
     EarlierRowTap tap;
     if (earlier_tap_ && !tapped) {
@@ -251,10 +255,16 @@ void LiveTracker::ReadEarlier(const Session& session,
       };
     }
     absl::StatusOr<EarlierCounts> counts = ReadEarlierWaves(*store_, waves, stopping_, tap);
-    if (!counts.ok()) return;  // the server ends
     const std::lock_guard lock(mutex_);
+    reading_sessions_.erase(reading_sessions_.find(waves.session.id));
+    if (!counts.ok()) return;  // the server ends
     earlier_.insert_or_assign(waves.session.id, *std::move(counts));
   });
+}
+
+bool LiveTracker::ReadsEarlier(std::string_view session_id) const {
+  const std::lock_guard lock(mutex_);
+  return reading_sessions_.contains(session_id);
 }
 
 void LiveTracker::TakeEarlier() {

@@ -71,6 +71,10 @@ class LiveTracker {
   // The monitor's state of a rig. Kept where the rig is not known yet.
   void SetMonitor(const std::string& rig, LiveMonitor monitor);
 
+  // Rows that the session has from before are still being read: what is estimated without them is
+  // worse than what was shown before a restart.
+  bool ReadsEarlier(std::string_view session_id) const;
+
   // The newest state of a rig; never null. A rig that nobody knows has an empty one.
   std::shared_ptr<const LiveSnapshot> Get(std::string_view rig) const;
   // Makes the states now. Called by the tracker's own thread; by tests instead of Start.
@@ -129,6 +133,7 @@ class LiveTracker {
   std::map<std::string, std::shared_ptr<const LiveEstimate>, std::less<>> estimates_;
   std::map<std::string, std::shared_ptr<const LiveMonitor>, std::less<>> monitors_;  // by rig
   std::map<std::string, EarlierCounts, std::less<>> earlier_;  // by session, not yet taken
+  std::multiset<std::string, std::less<>> reading_sessions_;   // once for each reading
   std::condition_variable wake_;
   std::atomic<bool> stopping_ = false;
 

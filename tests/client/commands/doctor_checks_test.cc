@@ -58,26 +58,26 @@ TEST(CheckConnections, NamesWhoFloodedTheServer) {
   EXPECT_EQ(CheckConnections(connections).level, CheckLevel::kFail);
 }
 
-TEST(CheckDisk, WarnsBeforeItFails) {
+TEST(CheckStore, WarnsBeforeItFails) {
   v1::StoreStatus store;
   store.set_kind("sqlite");
   store.set_free_bytes(uint64_t{100} << 30);
-  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kOk);
+  EXPECT_EQ(CheckStore(store).level, CheckLevel::kOk);
   store.set_free_bytes(uint64_t{1} << 30);
-  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kWarn);
+  EXPECT_EQ(CheckStore(store).level, CheckLevel::kWarn);
   store.set_free_bytes(0);
-  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kFail);
+  EXPECT_EQ(CheckStore(store).level, CheckLevel::kFail);
 }
 
-TEST(CheckDisk, SaysThatTheReserveIsReachedAndThatTheStoreIsBroken) {
+TEST(CheckStore, SaysThatTheReserveIsReachedAndThatTheStoreIsBroken) {
   v1::StoreStatus store;
   store.set_free_bytes(uint64_t{1} << 30);
   store.set_reserve_bytes(uint64_t{1} << 31);
-  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kFail);
+  EXPECT_EQ(CheckStore(store).level, CheckLevel::kFail);
   store.set_free_bytes(uint64_t{100} << 30);
   store.set_problem("a sync has failed");
-  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kFail);
-  EXPECT_THAT(CheckDisk(store).message, HasSubstr("a sync has failed"));
+  EXPECT_EQ(CheckStore(store).level, CheckLevel::kFail);
+  EXPECT_THAT(CheckStore(store).message, HasSubstr("a sync has failed"));
 }
 
 TEST(CheckSessions, NamesADamagedRecord) {

@@ -67,6 +67,9 @@ TEST_F(ServerAccess, KnowsThisMachine) {
 TEST_F(ServerAccess, AnotherMachineNeedsAnIdentity) {
   EXPECT_THAT(CredentialsFor("127.0.0.1:7420", identity_), IsOk());
   EXPECT_THAT(CredentialsFor("unix:/x", identity_), IsOk());
+  // A certificate would not help.
+  EXPECT_THAT(CredentialsFor("nobody.invalid:7420", identity_),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("'nobody.invalid'")));
   EXPECT_THAT(CredentialsFor("10.0.0.5:7420", identity_),
               StatusIs(absl::StatusCode::kFailedPrecondition,
                        AllOf(HasSubstr("10.0.0.5:7420"), HasSubstr("rigcal-agent join"))));

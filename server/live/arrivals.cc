@@ -77,6 +77,7 @@ void ArrivalInbox::Add(const Delivery& delivery, const AppendOutcome& outcome, A
   arrivals.wand_count += wand_count;
   arrivals.refused_count += outcome.refused_rows;
   arrivals.complete = outcome.complete;
+  arrivals.durable_seq = std::max(arrivals.durable_seq, outcome.durable_seq);
   for (const DroppedRange& dropped : batch.dropped) arrivals.dropped_count += dropped.count;
   for (const ClockSample& sample : batch.clock_samples) {
     if (arrivals.clock_samples.size() == kMaxSamples) break;

@@ -50,6 +50,7 @@ struct Arrivals {
   uint64_t wand_count = 0;     // of them with a visible marker
   uint64_t refused_count = 0;  // by ingest
   uint64_t dropped_count = 0;  // numbers that will never come
+  uint32_t durable_seq = 0;    // everything up to here is stored
   bool has_rows = false;
   int64_t newest_row_ns = 0;                                    // the camera's clock; with has_rows
   uint32_t clock_epoch = 0;                                     // of that row

@@ -93,7 +93,9 @@ void CameraActivity::SetStored(const SessionCameraCounts& counts) {
     if (clock_epochs_.size() < kMaxEpochs) clock_epochs_.push_back(epoch.clock_epoch);
   }
   for (const StreamStatus& stream : counts.streams) {
-    if (streams_.size() < kMaxStreams) streams_[stream.stream_epoch].complete = stream.ended();
+    if (streams_.size() >= kMaxStreams) break;
+    streams_[stream.stream_epoch].complete = stream.ended();
+    streams_[stream.stream_epoch].durable_seq = stream.durable_seq;
   }
 }
 
@@ -104,7 +106,12 @@ void CameraActivity::Add(uint32_t stream_epoch, const Arrivals& arrivals, Time n
   Stream& stream = streams_[stream_epoch];
   stream.complete = arrivals.complete;
   stream.dropped_count += arrivals.dropped_count;
-  if (arrivals.report) stream.report = arrivals.report;
+  stream.durable_seq = std::max(stream.durable_seq, arrivals.durable_seq);
+  if (arrivals.report) {
+    stream.report = arrivals.report;
+    const uint32_t freed = stream.report->spool ? stream.report->spool->acknowledged_seq : 0;
+    stream.kept_count = stream.durable_seq - std::min(stream.durable_seq, freed);
+  }
   observation_count_ += arrivals.stored_count;
   wand_count_ += arrivals.wand_count;
   refused_count_ += arrivals.refused_count;
@@ -137,6 +144,12 @@ void CameraActivity::Add(uint32_t stream_epoch, const Arrivals& arrivals, Time n
                                                   nanoseconds(kTrailWindow).count());
     AddRow(row, arrivals.last_time - nanoseconds(before_ns));
   }
+}
+
+void CameraActivity::SetEarlierSpacing(const RowSpacing& earlier) {
+  if (!spacing_.empty()) return;
+  spacing_ = earlier;
+  spacing_.Restart();
 }
 
 void CameraActivity::AddRow(const ThinnedRow& row, Time time) {
@@ -261,7 +274,8 @@ uint64_t CameraActivity::backlog_count() const {
   uint64_t count = 0;
   for (const auto& [epoch, stream] : streams_) {
     if (stream.complete || !stream.report || !stream.report->spool) continue;
-    count += stream.report->spool->spooled_count;
+    const uint64_t spooled = stream.report->spool->spooled_count;
+    count += spooled - std::min(spooled, stream.kept_count);
   }
   return count;
 }

@@ -32,6 +32,8 @@ class CameraActivity {
   void Add(uint32_t stream_epoch, const Arrivals& arrivals, Time now);
   // What it has covered in earlier waves.
   void AddCoverage(const CoverageGrid& earlier) { coverage_.Add(earlier); }
+  // Time between its rows in earlier waves, until it is known from its own.
+  void SetEarlierSpacing(const RowSpacing& earlier);
   // Forgets what is too old. Before the others below, once for each state that is made.
   void Advance(Time now);
   // Others see the wand now; call it once for each state that is made.
@@ -85,6 +87,8 @@ class CameraActivity {
     bool complete = false;
     std::optional<CameraReport> report;
     uint64_t dropped_count = 0;  // in batches
+    uint32_t durable_seq = 0;    // everything up to here is stored
+    uint64_t kept_count = 0;     // of the report's rows, those that are stored already
   };
 
   void AddRow(const ThinnedRow& row, Time time);
@@ -92,6 +96,8 @@ class CameraActivity {
   RowCheck Check(const ThinnedRow& row, Time time) const;
   bool IsImplausible(const ThinnedRow& row) const;
   uint64_t dropped_count() const;
+  // Rows that the agent has and the server does not. What a spool keeps longer than until the
+  // server has it (SpoolConfig::DurableOn::kStandby) does not wait.
   uint64_t backlog_count() const;
   double Rate(uint64_t Interval::*count, Time now) const;
 

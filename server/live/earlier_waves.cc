@@ -12,7 +12,6 @@
 #include "common/status/status_macros.h"
 #include "server/live/arrivals.h"
 #include "server/live/clock_relation.h"
-#include "server/live/row_spacing.h"
 
 namespace rigcal::server {
 namespace {
@@ -112,6 +111,7 @@ class EarlierReader {
       kept.push_back(i);
       spacing_.Add(batch.time_ns[i]);
     }
+    if (!spacing_.empty()) counts_.spacing[stream_.camera] = spacing_;
     const auto half_ns = static_cast<int64_t>(0.5e9 * spacing_.Seconds());
     for (const size_t i : kept) {
       if (batch.visible_mask[i] == 0) continue;
@@ -174,7 +174,8 @@ absl::StatusOr<EarlierCounts> ReadEarlierWaves(const Store& store, const Earlier
                                                const EarlierRowTap& tap) {
   EarlierCounts counts{.session_id = waves.session.id,
                        .coverage = {},
-                       .overlap = OverlapCounter(waves.session.cameras.size(), 1)};
+                       .overlap = OverlapCounter(waves.session.cameras.size(), 1),
+                       .spacing = {}};
   for (const Session& source : ChainOf(store, waves)) {
     EarlierReader reader(waves, source, tap, &counts);
     const absl::Status read =

@@ -13,6 +13,7 @@
 #include "common/session/session.h"
 #include "server/live/coverage_grid.h"
 #include "server/live/overlap_counter.h"
+#include "server/live/row_spacing.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
@@ -31,6 +32,7 @@ struct EarlierCounts {
   std::string session_id;
   std::map<std::string, CoverageGrid> coverage;  // by camera
   OverlapCounter overlap{0};                     // in the order of the session's cameras
+  std::map<std::string, RowSpacing> spacing;     // by camera, of its newest rows
 };
 
 // Gets rows of `camera`, which is that of the session they belong to, without refused ones.

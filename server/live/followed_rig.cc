@@ -81,6 +81,11 @@ void FollowedRig::AddEarlier(const EarlierCounts& earlier) {
     const auto activity = activities_.find(camera);
     if (activity != activities_.end()) activity->second.AddCoverage(coverage);
   }
+  // Before its first row here: common time is shown as a number of rows.
+  for (const auto& [camera, spacing] : earlier.spacing) {
+    const auto activity = activities_.find(camera);
+    if (activity != activities_.end()) activity->second.SetEarlierSpacing(spacing);
+  }
   overlap_->Add(earlier.overlap);
 }
 

@@ -13,6 +13,8 @@ class RowSpacing {
   void Add(int64_t time_ns);
   // Another clock.
   void Restart() { last_ns_.reset(); }
+  // No two rows yet.
+  bool empty() const { return spacings_s_.empty(); }
   // At least that of thinning, also before there are rows.
   double Seconds() const;
 

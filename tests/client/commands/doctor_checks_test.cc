@@ -80,6 +80,18 @@ TEST(CheckStore, SaysThatTheReserveIsReachedAndThatTheStoreIsBroken) {
   EXPECT_THAT(CheckStore(store).message, HasSubstr("a sync has failed"));
 }
 
+TEST(CheckStore, NamesPostgresqlAndNoDiskWhereItIsAway) {
+  v1::StoreStatus store;
+  store.set_kind("postgresql");
+  EXPECT_EQ(CheckStore(store).level, CheckLevel::kOk);
+  store.set_problem("postgresql://rigcal@db/rigcal cannot be reached");
+  const Check check = CheckStore(store);
+  EXPECT_EQ(check.level, CheckLevel::kFail);
+  EXPECT_EQ(check.name, "database");
+  EXPECT_THAT(check.message, HasSubstr("cannot be reached"));
+  EXPECT_THAT(check.advice, HasSubstr("PostgreSQL"));
+}
+
 TEST(CheckSessions, NamesADamagedRecord) {
   v1::ListSessionsResponse sessions;
   sessions.add_sessions()->set_damage("the record of session wave is damaged");

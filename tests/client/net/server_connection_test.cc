@@ -8,7 +8,9 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <array>
 #include <string>
+#include <thread>
 
 #include "tests/client/fake_server.h"
 #include "tests/client/sample_messages.h"
@@ -63,6 +65,62 @@ TEST(ServerConnection, AServerThatSaysNothingIsUnreachable) {
   EXPECT_THAT(Get(server, "x", std::chrono::milliseconds(200)),
               StatusIs(absl::StatusCode::kUnavailable, HasSubstr("did not answer within 0.2 s")));
   close(listener);
+}
+
+// A port whose connections end, before or after the first words of HTTP/2.
+class ClosingPort {
+ public:
+  explicit ClosingPort(bool speaks) : listener_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address = {};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof(address);
+    EXPECT_EQ(bind(listener_, reinterpret_cast<sockaddr*>(&address), size), 0);
+    EXPECT_EQ(listen(listener_, 4), 0);
+    EXPECT_EQ(getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &size), 0);
+    address_ = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+    thread_ = std::thread([this, speaks] {
+      for (int peer; (peer = accept(listener_, nullptr, nullptr)) >= 0; close(peer)) {
+        if (!speaks) continue;
+        constexpr char kEmptySettings[] = {0, 0, 0, 4, 0, 0, 0, 0, 0};
+        EXPECT_EQ(write(peer, kEmptySettings, sizeof(kEmptySettings)), 9);
+        // Until the call has come: more than the preface and settings of the client.
+        std::array<char, 4096> bytes{};
+        for (std::string seen; seen.find("GetSession") == std::string::npos;) {
+          const ssize_t count = read(peer, bytes.data(), bytes.size());
+          if (count <= 0) break;
+          seen.append(bytes.data(), static_cast<size_t>(count));
+        }
+      }
+    });
+  }
+  ~ClosingPort() {
+    shutdown(listener_, SHUT_RDWR);
+    thread_.join();
+    close(listener_);
+  }
+  const std::string& address() const { return address_; }
+
+ private:
+  const int listener_;
+  std::string address_;
+  std::thread thread_;
+};
+
+TEST(ServerConnection, ALostConnectionIsNoMissingCertificate) {
+  const wire::ClientIdentity none{.folder = {}, .stem = "user"};
+  {
+    const ClosingPort dies(/*speaks=*/true);
+    ServerConnection server(dies.address(), none);
+    EXPECT_THAT(Get(server, "x"), StatusIs(absl::StatusCode::kUnavailable,
+                                           AllOf(HasSubstr("was lost"), HasSubstr("try again"),
+                                                 Not(HasSubstr("certificate")))));
+  }
+  const ClosingPort wants_one(/*speaks=*/false);
+  ServerConnection server(wants_one.address(), none);
+  EXPECT_THAT(Get(server, "x"),
+              StatusIs(absl::StatusCode::kUnavailable,
+                       AllOf(HasSubstr("without a certificate"), HasSubstr("rigcal login"))));
 }
 
 TEST(ServerConnection, AnotherProgramsServerIsNamed) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <functional>
 #include <mutex>
@@ -45,6 +46,7 @@ class EstimateLoopTest : public SessionFixture {
           changed_.notify_all();
           if (hook) hook();
         });
+    loop_->SetWaits([this](const std::string& id) { return id == "wave" && waits_; });
     loop_->Start();
   }
   void TearDown() override {
@@ -101,6 +103,7 @@ class EstimateLoopTest : public SessionFixture {
   std::vector<LiveEstimate> shown_;
   std::vector<size_t> rounds_;
   std::function<void()> on_estimate_, on_show_;
+  std::atomic<bool> waits_ = false;
   uint32_t next_seq_ = 1;
   std::unique_ptr<EstimateLoop> loop_;
 };
@@ -109,6 +112,18 @@ TEST_F(EstimateLoopTest, GoesOnWithTheLastEstimate) {
   ASSERT_TRUE(Await([&] { return rounds_.size() >= 3; }));
   EXPECT_EQ(rounds_[0], 0u);
   EXPECT_EQ(rounds_[2], 2u);
+}
+
+TEST_F(EstimateLoopTest, WaitsForRowsFromBefore) {
+  waits_ = true;
+  AddRows();
+  const int calls = faulty().CallCount("GetSession");
+  // Longer than the loop takes to look, several times.
+  std::unique_lock lock(mutex_);
+  EXPECT_FALSE(changed_.wait_for(lock, std::chrono::seconds(1), [&] { return !rounds_.empty(); }));
+  EXPECT_EQ(faulty().CallCount("GetSession"), calls);
+  waits_ = false;
+  EXPECT_TRUE(changed_.wait_for(lock, std::chrono::seconds(30), [&] { return !rounds_.empty(); }));
 }
 
 TEST_F(EstimateLoopTest, KeepsItsStartWhileTheStoreCannotAnswer) {

@@ -105,6 +105,33 @@ TEST_F(EarlierWaves, ARestartedServerCountsTheSessionsOwn) {
   EXPECT_EQ(camera("left").observation_count, 200u);
 }
 
+// 30 Hz: common time is shown as a number of rows, whose spacing is known from what is stored.
+TEST_F(EarlierWaves, ARestartedServerCountsRowsOfSlowCamerasBeforeTheFirstNewOne) {
+  StartWave({"left", "right"});
+  for (int row = 0; row < 90; ++row) {
+    for (const char* name : {"left", "right"}) Send(name, now_s_, 1, SeeWand);
+    now_s_ += 1.0 / 30;
+    if (row % 3 == 0) tracker_->Update();
+  }
+  const uint32_t before = camera("left").shared_instant_count;
+  EXPECT_GT(before, 60u);
+  RestartTracker();
+  ReadEarlier();
+  EXPECT_NEAR(camera("left").shared_instant_count, before, 5);
+  EXPECT_NEAR(state()->overlap.value->counts.at(0), before, 5);
+}
+
+TEST_F(EarlierWaves, ReadsEarlierUntilEverythingIsRead) {
+  StartWave({"left", "right"});
+  Wave(1, {{"left", SeeWand}, {"right", SeeWand}});
+  EXPECT_FALSE(tracker_->ReadsEarlier("wave"));
+  RestartTracker();
+  EXPECT_TRUE(tracker_->ReadsEarlier("wave"));
+  EXPECT_FALSE(tracker_->ReadsEarlier("another"));
+  ReadEarlier();
+  EXPECT_FALSE(tracker_->ReadsEarlier("wave"));
+}
+
 TEST_F(EarlierWaves, AChainIsReadFromItsBeginning) {
   StartWave({"left", "right"});
   Wave(1, {{"left", SeeWand}, {"right", SeeWand}});

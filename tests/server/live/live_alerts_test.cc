@@ -120,17 +120,34 @@ TEST_F(LiveAlerts, WhatIsRefusedDroppedAndWaits) {
   CameraReport report;
   report.stream = {.session_id = "wave", .camera = "left", .stream_epoch = 1};
   report.spool = SpoolReport{
+      .last_seq = 655,
+      .acknowledged_seq = 255,
       .spooled_count = 400,
       .dropped = {{.camera = "", .reason = RefusalReason::kSpoolFull, .count = 7, .example = ""}}};
   Send("left", now_s_, 5, SeeWand, [&](server::Delivery* delivery) {
     delivery->report = report;
     delivery->refused_rows.push_back({.row = 1, .reason = RefusalReason::kNotFinite});
   });
+  tracker_->Update();
   Wave(2, {{"left", SeeWand}});
   EXPECT_THAT(AlertTexts(), ElementsAre("error dropping left", "warning backlog_growing left",
                                         "warning refused left"));
   EXPECT_EQ(camera("left").backlog_count, 400u);
   EXPECT_EQ(camera("left").dropped_count, 8u);
+}
+
+// --durable-on standby: the spool frees rows once the standby has them.
+TEST_F(LiveAlerts, WhatASpoolKeepsOfStoredRowsDoesNotWait) {
+  StartWave({"left"});
+  Wave(5, {{"left", SeeWand}});
+  CameraReport report;
+  report.stream = {.session_id = "wave", .camera = "left", .stream_epoch = 1};
+  report.spool = SpoolReport{.last_seq = 258, .spooled_count = 258, .dropped = {}};
+  Send("left", now_s_, 5, SeeWand, [&](server::Delivery* delivery) { delivery->report = report; });
+  tracker_->Update();
+  Wave(2, {{"left", SeeWand}});
+  EXPECT_THAT(AlertTexts(), ElementsAre());
+  EXPECT_EQ(camera("left").backlog_count, 3u);
 }
 
 TEST_F(LiveAlerts, AnEstimateThatFails) {

@@ -95,7 +95,10 @@ absl::StatusOr<v1::Calibration> CalibrateSuccessfully(ServerConnection& server,
     return calibration;
   }
   return absl::FailedPreconditionError(
-      absl::StrCat("calibration ", calibration->id(), " failed: ", calibration->error()));
+      absl::StrCat("calibration ", calibration->id(),
+                   calibration->state() == v1::Calibration::STATE_CANCELLED
+                       ? std::string(" was cancelled")
+                       : absl::StrCat(" failed: ", calibration->error())));
 }
 
 ExitCode ActivateIfGood(ServerConnection& server, const v1::Calibration& calibration,
@@ -295,6 +298,10 @@ ExitCode ShowCalibration(const v1::Calibration& calibration, CommandContext& con
         absl::StrCat("calibration ", calibration.id(), " failed: ", calibration.error()));
     return ExitCode::kFailed;
   }
+  if (calibration.state() == v1::Calibration::STATE_CANCELLED) {
+    context.console.Message(absl::StrCat("calibration ", calibration.id(), " was cancelled"));
+    return ExitCode::kFailed;
+  }
   const bool bad = calibration.state() == v1::Calibration::STATE_SUCCEEDED &&
                    calibration.quality().grade() == v1::Quality::GRADE_BAD;
   if (!bad) return ExitCode::kOk;
@@ -307,8 +314,7 @@ ExitCode ShowCalibration(const v1::Calibration& calibration, CommandContext& con
 }
 
 bool HasEnded(const v1::Calibration& calibration) {
-  return calibration.state() == v1::Calibration::STATE_SUCCEEDED ||
-         calibration.state() == v1::Calibration::STATE_FAILED;
+  return calibration.state() >= v1::Calibration::STATE_SUCCEEDED;
 }
 
 v1::CreateCalibrationRequest MakeCalibrationRequest(const std::vector<std::string>& sessions,

@@ -11,7 +11,22 @@
 
 namespace rigcal {
 
-enum class CalibrationState : uint8_t { kQueued = 1, kRunning = 2, kSucceeded = 3, kFailed = 4 };
+enum class CalibrationState : uint8_t {
+  kQueued = 1,
+  kRunning = 2,
+  kSucceeded = 3,
+  kFailed = 4,
+  kCancelled = 5,  // by an operator
+};
+
+// No process works on it, and its record stays as it is.
+constexpr bool HasEnded(CalibrationState state) { return state >= CalibrationState::kSucceeded; }
+
+// The state of one that has no result yet, or never will: "it failed".
+constexpr const char* WhyNoResult(CalibrationState state) {
+  if (state == CalibrationState::kCancelled) return "it was cancelled";
+  return state == CalibrationState::kFailed ? "it failed" : "it has not ended yet";
+}
 
 // A calibration as a resource: versioned, and immutable once it has ended.
 struct Calibration {
@@ -20,7 +35,7 @@ struct Calibration {
   uint32_t version = 0;  // counts up within the rig
   std::vector<std::string> session_ids;
   CalibrationState state = CalibrationState::kQueued;
-  std::string error;  // why it failed, and what to do
+  std::string error;  // why it failed, and what to do; "cancelled"
   CalibrationStage progress_stage = CalibrationStage::kUnspecified;
   double progress_fraction = 0;
   bool not_responding = false;  // the process that solves; see CalibrationProgress in the protocol

@@ -22,6 +22,7 @@ static_assert(static_cast<int>(CalibrationState::kQueued) == v1::Calibration::ST
 static_assert(static_cast<int>(CalibrationState::kRunning) == v1::Calibration::STATE_RUNNING);
 static_assert(static_cast<int>(CalibrationState::kSucceeded) == v1::Calibration::STATE_SUCCEEDED);
 static_assert(static_cast<int>(CalibrationState::kFailed) == v1::Calibration::STATE_FAILED);
+static_assert(static_cast<int>(CalibrationState::kCancelled) == v1::Calibration::STATE_CANCELLED);
 static_assert(static_cast<int>(Estimate::kFixed) == v1::CalibrationOptions::ESTIMATE_FIXED);
 static_assert(static_cast<int>(Estimate::kRefined) == v1::CalibrationOptions::ESTIMATE_REFINED);
 static_assert(static_cast<int>(Estimate::kAuto) == v1::CalibrationOptions::ESTIMATE_AUTO);
@@ -211,12 +212,16 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
   calibration.version = proto.version();
   calibration.session_ids.assign(proto.session_ids().begin(), proto.session_ids().end());
   if (proto.state() < v1::Calibration::STATE_QUEUED ||
-      proto.state() > v1::Calibration::STATE_FAILED) {
+      proto.state() > v1::Calibration::STATE_CANCELLED) {
     return absl::InvalidArgumentError(
         absl::StrCat("calibration ", proto.id(), ": state: not a known state"));
   }
   calibration.state = static_cast<CalibrationState>(proto.state());
   calibration.error = proto.error();
+  // Releases before that state.
+  if (calibration.state == CalibrationState::kFailed && calibration.error == "cancelled") {
+    calibration.state = CalibrationState::kCancelled;
+  }
   if (v1::CalibrationStage_IsValid(proto.progress().stage())) {
     calibration.progress_stage = static_cast<CalibrationStage>(proto.progress().stage());
   }
@@ -227,9 +232,7 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
   absl::Status fault;
   calibration.options = ReadOptions(proto.options(), &fault);
   // One that has yet to be solved must be what was asked for.
-  const bool has_ended = calibration.state == CalibrationState::kSucceeded ||
-                         calibration.state == CalibrationState::kFailed;
-  if (!has_ended) RIGCAL_RETURN_IF_ERROR(fault);
+  if (!HasEnded(calibration.state)) RIGCAL_RETURN_IF_ERROR(fault);
   if (calibration.state == CalibrationState::kSucceeded) {
     RIGCAL_ASSIGN_OR_RETURN(calibration.result, ResultFromProto(proto));
   } else {

@@ -26,6 +26,6 @@ sleep "$seconds"
 call POST "/v1/sessions/$session:stop" | field state
 await "/v1/sessions/$session" STATE_FINISHED | field state
 calibration=$(call POST /v1/calibrations "{\"session_ids\": [\"$session\"]}" | field id)
-answer=$(await "/v1/calibrations/$calibration" 'STATE_SUCCEEDED|STATE_FAILED')
+answer=$(await "/v1/calibrations/$calibration" 'STATE_SUCCEEDED|STATE_FAILED|STATE_CANCELLED')
 echo "calibration $calibration: $(field state <<<"$answer") $(field error <<<"$answer" || true)"
 grep -o '"grade":"[^"]*"\|"headline":{[^}]*}' <<<"$answer" # how good it is

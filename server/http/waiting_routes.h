@@ -13,9 +13,12 @@ namespace rigcal::server {
 struct WaitingNotice {
   std::string message;
   std::string active_page;  // URL; empty: it is not known
+  std::string title = "This server waits";
+  std::string metrics = {};  // in the text format of Prometheus; empty: there are none
 };
 
-// A page that names the other server and looks again by itself, /healthz, and 503 for the rest.
+// A page that names the other server and looks again by itself, /healthz, /metrics, and 503 for the
+// rest.
 std::vector<HttpRoute> WaitingRoutes(const std::function<WaitingNotice()>& notice);
 
 }  // namespace rigcal::server

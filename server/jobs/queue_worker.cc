@@ -20,6 +20,8 @@ void TellEnd(const Calibration& calibration, const absl::Status& stored) {
                   std::string(stored.message()));
   } else if (calibration.state == CalibrationState::kSucceeded) {
     spdlog::info("calibration {}: succeeded in {:.1f} s", calibration.id, calibration.duration_s);
+  } else if (calibration.state == CalibrationState::kCancelled) {
+    spdlog::info("calibration {}: cancelled", calibration.id);
   } else if (calibration.state == CalibrationState::kFailed) {
     spdlog::warn("calibration {}: failed: {}", calibration.id, calibration.error);
   } else {

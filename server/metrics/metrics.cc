@@ -195,4 +195,24 @@ std::string MetricsText(const MetricsSources& sources) {
   return families.Text();
 }
 
+std::string StandbyMetricsText(const StandbyFigures& figures) {
+  Families families;
+  families.Gauge("rigcal_info", "Release of the server.", 1,
+                 {{"version", figures.software_version}});
+  families.Gauge("rigcal_standby", "1: this server follows another one and answers nobody.", 1,
+                 {{"primary", figures.primary}});
+  families.Gauge("rigcal_standby_complete", "1 once it has had everything of its primary.",
+                 figures.complete ? 1 : 0);
+  families.Gauge("rigcal_standby_follows", "1 while copying works.", figures.follows ? 1 : 0);
+  families.Gauge("rigcal_standby_behind_observations",
+                 "Observations that the primary had more, when it last answered.",
+                 Number(figures.behind_count));
+  if (figures.silence_s >= 0) {
+    families.Gauge("rigcal_standby_silence_seconds", "Since the primary last answered.",
+                   figures.silence_s);
+  }
+  AddProcess(&families);
+  return families.Text();
+}
+
 }  // namespace rigcal::server

@@ -41,6 +41,17 @@ struct MetricsSources {
   std::string software_version;
 };
 
+// What a standby knows of itself.
+struct StandbyFigures {
+  std::string primary;        // HOST:PORT
+  bool complete = false;      // it had everything of the primary once
+  uint64_t behind_count = 0;  // rows that the primary had more, when it last answered
+  double silence_s = -1;      // since then; below 0: it never has
+  bool follows = false;       // the last attempt to copy has worked
+  std::string software_version;
+};
+std::string StandbyMetricsText(const StandbyFigures& figures);
+
 // The state of the server in the text format of Prometheus (version 0.0.4). Names begin with
 // "rigcal_", those of the process with "process_".
 std::string MetricsText(const MetricsSources& sources);

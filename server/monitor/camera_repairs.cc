@@ -79,10 +79,7 @@ std::optional<CameraRepair> CameraRepairs::Begin(const std::string& rig, const S
 
 bool CameraRepairs::Follow(const std::string& rig, const CameraRepair& repair, LiveMonitor* shown) {
   const absl::StatusOr<Calibration> calibration = runner_->GetCalibration(repair.id);
-  if (calibration.ok() && calibration->state != CalibrationState::kSucceeded &&
-      calibration->state != CalibrationState::kFailed) {
-    return false;
-  }
+  if (calibration.ok() && !HasEnded(calibration->state)) return false;
   if (calibration.ok()) {
     End(rig, repair, *calibration, shown);
   } else {
@@ -101,7 +98,7 @@ void CameraRepairs::End(const std::string& rig, const CameraRepair& repair,
     shown->repair_text =
         absl::StrCat(moved, "; the repair ", calibration.id, " was not made active: ", why);
   };
-  if (calibration.state == CalibrationState::kFailed) return leave(calibration.error);
+  if (calibration.state != CalibrationState::kSucceeded) return leave(calibration.error);
   const CalibrationResult& result = *calibration.result;
   if (!MovedWithin(result).empty()) {
     return leave("cameras moved while it was recorded; wave for ten seconds more");

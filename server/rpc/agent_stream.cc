@@ -177,6 +177,11 @@ absl::Status AgentStream::CheckGeneration(const AgentHello& hello) const {
 
 void AgentStream::Register(AgentHello hello) {
   const LogScope scope({.correlation = correlation_});
+  {
+    // After a takeover many agents wait here, and one that has given up is asking again.
+    const std::lock_guard lock(mutex_);
+    if (done_) return;
+  }
   const size_t camera_count = hello.agent.cameras.size();
   const std::string host = hello.agent.host;
   AgentRegistry* const registry = environment_.registry;

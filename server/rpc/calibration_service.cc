@@ -86,9 +86,8 @@ v1::CompareCalibrationsResponse DifferenceMessage(const RigDifference& differenc
 }
 
 absl::Status NoResult(const Calibration& calibration) {
-  return absl::FailedPreconditionError(
-      absl::StrCat("calibration ", calibration.id, " has no result",
-                   calibration.state == CalibrationState::kFailed ? ": it failed" : " yet"));
+  return absl::FailedPreconditionError(absl::StrCat(
+      "calibration ", calibration.id, " has no result", ": ", WhyNoResult(calibration.state)));
 }
 
 absl::StatusOr<v1::GetAccuracyResponse> AccuracyOf(const Calibration& calibration,
@@ -306,8 +305,7 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
           RIGCAL_ASSIGN_OR_RETURN(const Calibration calibration, runner_.GetCalibration(id));
           *response->mutable_calibration() = wire::ToProto(calibration);
           FitAnswer(response->mutable_calibration());
-          return calibration.state == CalibrationState::kSucceeded ||
-                 calibration.state == CalibrationState::kFailed;
+          return HasEnded(calibration.state);
         });
   }
 

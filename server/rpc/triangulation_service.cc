@@ -53,9 +53,8 @@ absl::StatusOr<Calibration> CalibrationToUse(const v1::TriangulateStart& start, 
   }
   RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, store->GetCalibration(id));
   if (calibration.state != CalibrationState::kSucceeded || !calibration.result) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("calibration ", calibration.id, " has no result",
-                     calibration.state == CalibrationState::kFailed ? ": it failed" : " yet"));
+    return absl::FailedPreconditionError(absl::StrCat(
+        "calibration ", calibration.id, " has no result", ": ", WhyNoResult(calibration.state)));
   }
   return calibration;
 }

@@ -24,11 +24,6 @@ constexpr int kLooksAtWorkers = 4;  // their list is read at every fourth look: 
 // Watchers are not woken more often by progress within a stage.
 constexpr std::chrono::milliseconds kProgressInterval{100};
 
-bool HasEnded(const Calibration& calibration) {
-  return calibration.state == CalibrationState::kSucceeded ||
-         calibration.state == CalibrationState::kFailed;
-}
-
 }  // namespace
 
 CalibrationRunner::CalibrationRunner(CalibrationRunnerOptions options, Store* store,
@@ -181,7 +176,7 @@ absl::StatusOr<std::vector<Listed<Calibration>>> CalibrationRunner::ListCalibrat
 }
 
 Calibration CalibrationRunner::WithMemory(Calibration calibration) const {
-  if (HasEnded(calibration)) return calibration;
+  if (HasEnded(calibration.state)) return calibration;
   std::optional<JobProgress> progress = solver_.ProgressOf(calibration.id);
   std::lock_guard lock(mutex_);
   if (const auto unsaved = unsaved_.find(calibration.id); unsaved != unsaved_.end()) {
@@ -207,7 +202,7 @@ absl::StatusOr<Calibration> CalibrationRunner::CancelCalibration(std::string_vie
   if (solver_.Cancel(id)) return GetCalibration(id);
   RIGCAL_ASSIGN_OR_RETURN(Calibration calibration,
                           store_->CancelJob(id, UtcNowNs(options_.utc_now_ns)));
-  if (!HasEnded(calibration)) {
+  if (!HasEnded(calibration.state)) {
     solver_.Cancel(id);  // claimed meanwhile
     return WithMemory(std::move(calibration));
   }
@@ -346,6 +341,9 @@ void CalibrationRunner::NoteEnd(Calibration calibration, const absl::Status& sto
     case CalibrationState::kSucceeded:
       spdlog::info("calibration {}: succeeded in {:.1f} s", id, calibration.duration_s);
       break;
+    case CalibrationState::kCancelled:
+      spdlog::info("calibration {}: cancelled", id);
+      break;
     case CalibrationState::kFailed:
       spdlog::warn("calibration {}: failed: {}", id, calibration.error);
       break;
@@ -357,7 +355,7 @@ void CalibrationRunner::NoteEnd(Calibration calibration, const absl::Status& sto
     std::lock_guard lock(mutex_);
     if (!stored.ok()) {
       if (unsaved_.size() < kMaxUnsaved) unsaved_.insert_or_assign(id, std::move(calibration));
-    } else if (HasEnded(calibration)) {
+    } else if (HasEnded(calibration.state)) {
       ended = unfinished_.extract(id);
     } else {
       unfinished_[id].job.state = CalibrationState::kQueued;

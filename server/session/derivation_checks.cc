@@ -79,8 +79,7 @@ absl::Status CheckParent(const CalibrationOptions& options, const std::string& r
         absl::StrCat(name, "it is of rig '", parent.rig, "', the sessions are of rig '", rig, "'"));
   }
   if (parent.state != CalibrationState::kSucceeded || !parent.result) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        name, parent.state == CalibrationState::kFailed ? "it failed" : "it has not ended yet"));
+    return absl::FailedPreconditionError(absl::StrCat(name, WhyNoResult(parent.state)));
   }
   if (options.kind == SolveKind::kFull) return absl::OkStatus();
   if (parent.options.what_if) {

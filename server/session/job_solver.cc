@@ -98,6 +98,7 @@ void JobSolver::Run(ClaimedJob job) {
     lost = lost_;
     if (cancel_asked_) {
       SetFailed("cancelled", &job.calibration);
+      job.calibration.state = CalibrationState::kCancelled;
     } else if (stopping_ && job.calibration.state != CalibrationState::kSucceeded) {
       // A clean stop is no failed attempt.
       GiveBack(false, &job.calibration);

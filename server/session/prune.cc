@@ -65,7 +65,7 @@ absl::StatusOr<bool> IsCalibrated(const Store& store, const std::string& session
     page_size = page.size();
     for (const auto& [calibration, position] : page) {
       next.after = position;
-      if (calibration.state != CalibrationState::kFailed) return true;
+      if (calibration.state < CalibrationState::kFailed) return true;
     }
   } while (page_size == static_cast<size_t>(kPageSize));
   return false;

@@ -33,6 +33,8 @@ absl::Status CheckUsable(const Calibration& calibration) {
     return absl::FailedPreconditionError(
         absl::StrCat(name, calibration.state == CalibrationState::kFailed
                                ? absl::StrCat("it failed (", calibration.error, ")")
+                           : calibration.state == CalibrationState::kCancelled
+                               ? std::string("it was cancelled")
                                : std::string("it has not ended yet; wait for it")));
   }
   if (calibration.options.what_if) {

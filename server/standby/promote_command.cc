@@ -77,7 +77,8 @@ int PromoteCommand::Run(const std::string& data_dir) const {
         "send them again, others are named in the counts of their sessions\n",
         absl::StrCat(promotion->missing_count).c_str());
   }
-  if (!runs) std::printf("no server runs on it: start rigcal-server without --follow\n");
+  std::printf(runs ? "it serves now; start it without --follow from now on\n"
+                   : "no server runs on it: start rigcal-server without --follow\n");
   return 0;
 }
 

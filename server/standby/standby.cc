@@ -6,17 +6,21 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <random>
 #include <utility>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/service/service_notice.h"
 #include "common/status/status_macros.h"
+#include "common/wire/protocol_version.h"
 #include "server/care/running_server.h"
 #include "server/listen/port_file.h"
+#include "server/metrics/metrics.h"
 #include "server/replica/data_role.h"
 #include "server/rpc/replication_client.h"
 #include "server/rpc/replication_service.h"
@@ -37,6 +41,36 @@ sigset_t EndSignals() {
   sigemptyset(&signals);
   for (const int signal : {SIGTERM, SIGINT, SIGRTMIN}) sigaddset(&signals, signal);
   return signals;
+}
+
+// The ports of a server that must not serve, and the files that name them.
+struct ClosedPorts {
+  std::unique_ptr<StandbyServer> rpc;
+  int rpc_port = 0;
+  std::unique_ptr<WebServer> web;
+};
+
+absl::StatusOr<ClosedPorts> OpenPorts(const StandbyOptions& options, StandbyServerOptions server,
+                                      std::function<WaitingNotice()> notice) {
+  ClosedPorts ports;
+  ports.rpc = std::make_unique<StandbyServer>(std::move(server));
+  RIGCAL_ASSIGN_OR_RETURN(ports.rpc_port, ports.rpc->Start());
+  WebServerOptions web = options.web;
+  web.waiting = std::move(notice);
+  RIGCAL_ASSIGN_OR_RETURN(ports.web, WebServer::Open(std::move(web)));
+  RIGCAL_RETURN_IF_ERROR(ports.web->Start(ports.rpc_port, {}));
+  if (!options.http_port_file.empty()) {
+    RIGCAL_RETURN_IF_ERROR(WritePortFile(options.http_port_file, ports.web->port()));
+  }
+  if (!options.port_file.empty()) {
+    RIGCAL_RETURN_IF_ERROR(WritePortFile(options.port_file, ports.rpc_port));
+  }
+  return ports;
+}
+
+std::string SocketAddress(const StandbyOptions& options) {
+  return absl::StrCat("unix:",
+                      std::filesystem::absolute(options.server.endpoint.socket_file).string());
 }
 
 // The role of the folder from now on. A new one follows from its beginning; one with data does once
@@ -66,6 +100,8 @@ class Standby {
       : options_(options),
         store_(std::move(store)),
         link_(std::move(link)),
+        was_promoted_(role.role == RoleOfData::kPromoted),
+        reason_(WhyNotToServe({.role = RoleOfData::kStandby, .primary = options.primary})),
         role_(role),
         follower_({.primary = options.primary,
                    .own_address = options.own_name,
@@ -74,27 +110,25 @@ class Standby {
                   std::move(role), store_.get(), link_.get()) {}
 
   absl::StatusOr<StandbyEnd> Run() {
+    // Before it can be promoted, which ends it.
     follower_.Start();
-    RIGCAL_RETURN_IF_ERROR(follower_.WaitForFirstAnswer(kFirstAnswer));
-    StandbyServerOptions ports = options_.server;
-    ports.active_server = options_.primary;
-    ports.reason = WhyNotToServe({.role = RoleOfData::kStandby, .primary = options_.primary});
-    ports.promote = [this](bool force) { return Promote(force); };
-    const std::filesystem::path socket_file = ports.endpoint.socket_file;
-    StandbyServer server(std::move(ports));
-    RIGCAL_ASSIGN_OR_RETURN(const int port, server.Start());
-    if (!options_.port_file.empty()) {
-      RIGCAL_RETURN_IF_ERROR(WritePortFile(options_.port_file, port));
-    }
-    const RunningServerNote note(
-        options_.data_dir, absl::StrCat("unix:", std::filesystem::absolute(socket_file).string()));
+    StandbyServerOptions server = options_.server;
+    server.active_server = options_.primary;
+    server.reason = reason_;
+    server.promote = [this](bool force) { return Promote(force); };
+    RIGCAL_ASSIGN_OR_RETURN(const ClosedPorts ports,
+                            OpenPorts(options_, std::move(server), [this] { return Notice(); }));
+    // It uses this object.
+    const absl::Cleanup stop_web = [&] { ports.web->Shutdown(); };
+    RIGCAL_RETURN_IF_ERROR(MayFollow(follower_.WaitForFirstAnswer(kFirstAnswer)));
+    const RunningServerNote note(options_.data_dir, SocketAddress(options_));
     spdlog::info(
         "a standby of {}: port {} refuses calls until it is promoted (rigcal-server "
-        "promote --data-dir {})",
-        options_.primary, port, options_.data_dir);
+        "promote --data-dir {}); how far behind it is: {}",
+        options_.primary, ports.rpc_port, options_.data_dir, ports.web->LocalUrl());
     TellReady(absl::StrCat("a standby of ", options_.primary));
     const int signal = WaitForSignal(EndSignals(), [this] { store_->Health(); });
-    server.Shutdown();
+    ports.rpc->Shutdown();
     follower_.Shutdown();
     if (promoted_) return StandbyEnd::kPromoted;
     TellStopping();
@@ -103,6 +137,42 @@ class Standby {
   }
 
  private:
+  // What the first answer means for a server that was promoted before: two must not serve.
+  absl::Status MayFollow(const absl::Status& refused) const {
+    if (!was_promoted_) return refused;
+    const FollowerState state = follower_.State();
+    if (refused.ok() && state.silence_s >= 0) return absl::OkStatus();
+    return absl::FailedPreconditionError(absl::StrCat(
+        "this server was promoted, and follows only a server that was promoted after it: ",
+        refused.ok() ? absl::StrCat(options_.primary, " does not answer")
+                     : std::string(refused.message()),
+        ". To let this one serve, start it without --follow"));
+  }
+
+  // For browsers and monitoring.
+  WaitingNotice Notice() const {
+    const FollowerState state = follower_.State();
+    std::string message = absl::StrCat(reason_, ". ");
+    if (state.silence_s < 0) {
+      absl::StrAppend(&message, "It has not heard of it yet");
+    } else {
+      absl::StrAppendFormat(&message, "It is %d observations behind, and heard of it %.0f s ago",
+                            state.behind_count, state.silence_s);
+    }
+    if (!state.complete) absl::StrAppend(&message, "; it has not had everything of it yet");
+    if (!state.problem.empty()) absl::StrAppend(&message, "; nothing is copied: ", state.problem);
+    return {
+        .message = std::move(message),
+        .active_page = "",
+        .title = absl::StrCat("Standby of ", options_.primary),
+        .metrics = StandbyMetricsText({.primary = options_.primary,
+                                       .complete = state.complete,
+                                       .behind_count = state.behind_count,
+                                       .silence_s = state.silence_s,
+                                       .follows = state.silence_s >= 0 && state.problem.empty(),
+                                       .software_version = std::string(wire::kSoftwareVersion)})};
+  }
+
   absl::StatusOr<Promotion> Promote(bool force) {
     const std::lock_guard lock(mutex_);
     if (promoted_) return absl::FailedPreconditionError("this server is being promoted already");
@@ -138,6 +208,8 @@ class Standby {
   const StandbyOptions& options_;
   const std::unique_ptr<Store> store_;
   const std::unique_ptr<PrimaryLink> link_;
+  const bool was_promoted_;
+  const std::string reason_;
   std::mutex mutex_;
   DataRole role_;
   std::atomic<bool> promoted_ = false;
@@ -158,19 +230,19 @@ absl::StatusOr<StandbyEnd> RunStandby(const StandbyOptions& options) {
   return standby.Run();
 }
 
-absl::Status RunRefusing(StandbyServerOptions options, const std::string& data_dir,
-                         const std::string& port_file) {
-  const std::string reason = options.reason;
-  const std::string socket_file = std::filesystem::absolute(options.endpoint.socket_file).string();
-  StandbyServer server(std::move(options));
-  RIGCAL_ASSIGN_OR_RETURN(const int port, server.Start());
-  if (!port_file.empty()) RIGCAL_RETURN_IF_ERROR(WritePortFile(port_file, port));
-  const RunningServerNote note(data_dir, absl::StrCat("unix:", socket_file));
-  spdlog::error("{}; port {} refuses every call", reason, port);
+absl::Status RunRefusing(const StandbyOptions& options) {
+  const std::string& reason = options.server.reason;
+  const auto notice = [&reason] {
+    return WaitingNotice{.message = reason, .active_page = "", .title = "This server was replaced"};
+  };
+  RIGCAL_ASSIGN_OR_RETURN(const ClosedPorts ports, OpenPorts(options, options.server, notice));
+  const RunningServerNote note(options.data_dir, SocketAddress(options));
+  spdlog::error("{}; port {} refuses every call", reason, ports.rpc_port);
   TellReady(reason);
   WaitForSignal(EndSignals(), [] {});
   TellStopping();
-  server.Shutdown();
+  ports.web->Shutdown();
+  ports.rpc->Shutdown();
   return absl::OkStatus();
 }
 

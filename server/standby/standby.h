@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/http/web_server.h"
 #include "server/rpc/standby_server.h"
 #include "server/store/factory/open_store.h"
 
@@ -16,20 +17,25 @@ struct StandbyOptions {
   std::string data_dir;  // of this server
   StoreOptions store = {};
   StandbyServerOptions server = {};  // `reason` and `promote` are set here
+  WebServerOptions web = {};         // `waiting` is set here
   std::string port_file = {};
+  std::string http_port_file = {};
   std::string own_name = {};  // of this PC, for the primary's messages
 };
 
 enum class StandbyEnd { kStopped, kPromoted };
 
-// Runs a standby until a signal ends it or it is promoted. The signals SIGTERM, SIGINT and SIGRTMIN
-// must be blocked in every thread.
-//   FAILED_PRECONDITION  its folder has data that the primary does not have; it is named
+// Runs a standby until a signal ends it or it is promoted. Its ports are open from the beginning:
+// they say whom it follows, how far behind it is, and how to promote it. A server that was promoted
+// before follows only one with a higher generation. The signals SIGTERM, SIGINT and SIGRTMIN must
+// be blocked in every thread.
+//   FAILED_PRECONDITION  its folder has data that the primary does not have; it is named. Or it was
+//                        promoted, and the other one is older, or does not answer within 5 s
 //   others               errors of the store and the ports
 absl::StatusOr<StandbyEnd> RunStandby(const StandbyOptions& options);
 
 // Runs a server whose data another one has taken over, until a signal ends it: it only says so.
-absl::Status RunRefusing(StandbyServerOptions options, const std::string& data_dir,
-                         const std::string& port_file);
+// `options`: primary and store are not used.
+absl::Status RunRefusing(const StandbyOptions& options);
 
 }  // namespace rigcal::server

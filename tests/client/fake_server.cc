@@ -189,7 +189,7 @@ class FakeServer::Calibrations : public v1::CalibrationService::Service {
     const std::lock_guard lock(fake_.mutex);
     const auto found = fake_.calibrations.find(request->id());
     if (found == fake_.calibrations.end()) return NotFound("calibration", request->id());
-    found->second.set_state(v1::Calibration::STATE_FAILED);
+    found->second.set_state(v1::Calibration::STATE_CANCELLED);
     found->second.set_error("cancelled");
     *out->mutable_calibration() = found->second;
     return grpc::Status::OK;

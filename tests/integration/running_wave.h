@@ -52,6 +52,8 @@ class RunningWave : public ::testing::Test {
     int cameras = 3;
     int speed = 8;                                  // times 50 Hz
     std::vector<std::string> agent_arguments = {};  // follow the others
+    std::vector<std::string> server_arguments = {};
+    std::string database_folder = {};  // where the files of PostgreSQL's database are; empty: any
   };
 
   // `store`: "sqlite", "postgresql", or "replicated": that with a synchronous standby.
@@ -61,9 +63,16 @@ class RunningWave : public ::testing::Test {
       : camera_count_(shape.cameras) {
     if (store != "sqlite") {
       cluster_ = std::make_unique<PostgresCluster>(PostgresCluster::Options{});  // fsync is on
-      store_arguments_ = {"--store", cluster_->Url(cluster_->CreateDatabase())};
+      std::string tablespace;
+      if (!shape.database_folder.empty()) {
+        tablespace = "folder";
+        cluster_->CreateTablespace(tablespace, shape.database_folder);
+      }
+      store_arguments_ = {"--store", cluster_->Url(cluster_->CreateDatabase(tablespace))};
     }
     if (store == "replicated") Replicate();
+    store_arguments_.insert(store_arguments_.end(), shape.server_arguments.begin(),
+                            shape.server_arguments.end());
     server_ = StartServer(0);
     std::string servers = server_->address();
     for (int i = 0; i < shape.spare_count; ++i) {

@@ -115,6 +115,23 @@ TEST_F(SeveralServers, OneThatStandsStillIsReplacedAndWritesNothingMore) {
   ExpectNothingLostAndTheSameResult();
 }
 
+// The rows in which servers say that they live, as after jumps of the database's clock.
+TEST_F(SeveralServers, AClockOfTheDatabaseThatJumpsChangesNothing) {
+  Begin();
+  const std::string first = Active();
+  for (const char* jump : {"+ interval '1 hour'", "- interval '1 hour'", "- interval '9 hours'"}) {
+    SCOPED_TRACE(jump);
+    cluster_->Sql("test_1", absl::StrCat("UPDATE server SET seen = seen ", jump));
+    const uint64_t before = StoredCount(first);
+    ASSERT_TRUE(WaitFor([&] { return StoredCount(first) > before + 100; }));
+  }
+  EXPECT_EQ(Active(), first);
+  for (const auto& spare : spares_) {
+    EXPECT_FALSE(ServerClient(spare->address()).ListAgents().ok()) << "a second one answers";
+  }
+  ExpectNothingLostAndTheSameResult();
+}
+
 TEST_F(SeveralServers, CommandsAskTheActiveOneAndAreToldWhoWaits) {
   std::string servers = server_->address();
   for (const auto& spare : spares_) servers = spare->address() + "," + servers;

@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -12,6 +14,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "tests/integration/published_calibrations.h"
+#include "tests/integration/running_wave.h"
 #include "tests/testing/postgres_cluster.h"
 #include "tests/testing/process.h"
 #include "tests/testing/server_client.h"
@@ -171,7 +175,7 @@ TEST_F(SolveWorkers, ACancelReachesTheWorkerAndAStopGivesBack) {
   Create("c-000001");
   ASSERT_NE(HoldSolve(), nullptr);
   EXPECT_EQ(Rigcal({"calibration", "cancel", "c-000001"}).exit_code, 0);
-  ASSERT_TRUE(WaitFor([&] { return State("c-000001") == "STATE_FAILED"; }, kLimit));
+  ASSERT_TRUE(WaitFor([&] { return State("c-000001") == "STATE_CANCELLED"; }, kLimit));
   EXPECT_EQ(Get("c-000001").value("error", ""), "cancelled");
 
   Create("c-000002");
@@ -191,7 +195,9 @@ TEST_F(SolveWorkers, ACancelReachesTheWorkerAndAStopGivesBack) {
   ExpectSucceeds("c-000002");
 }
 
+// RIGCAL_DATABASE_AWAY_SECONDS: how long the database is away at least; a lease is 10 s.
 TEST_F(SolveWorkers, ServerAndDatabaseStartAgainDuringASolve) {
+  const PublishedCalibrations published(cluster_.get(), url_.substr(url_.rfind('/') + 1));
   StartWorker();
   Create("c-000001");
   ExpectSucceeds("c-000001");
@@ -211,6 +217,8 @@ TEST_F(SolveWorkers, ServerAndDatabaseStartAgainDuringASolve) {
   ExpectSucceeds("c-000002");
   EXPECT_EQ(Comparable("c-000002"), undisturbed);
 
+  // Two workers, as the lease ends meanwhile and the other one may claim it.
+  StartWorker();
   Create("c-000003");
   ASSERT_NE(HoldSolve(), nullptr);
   cluster_->StopAtOnce();
@@ -218,15 +226,60 @@ TEST_F(SolveWorkers, ServerAndDatabaseStartAgainDuringASolve) {
   // The end of the solve waits for the database.
   EXPECT_TRUE(WaitFor(
       [&] {
-        return workers_[0]->StandardError().find("its end waits for the store") !=
-               std::string::npos;
+        return std::ranges::any_of(workers_, [](const auto& worker) {
+          return worker->StandardError().find("its end waits for the store") != std::string::npos;
+        });
       },
       kLimit))
       << workers_[0]->StandardError();
+  const auto back = std::chrono::steady_clock::now() +
+                    std::chrono::seconds(Asked("RIGCAL_DATABASE_AWAY_SECONDS", 12));
+  WaitFor([&] { return std::chrono::steady_clock::now() > back; }, kLimit);
   cluster_->Start();
   ExpectSucceeds("c-000003");
   EXPECT_EQ(Comparable("c-000003"), undisturbed);
   EXPECT_TRUE(workers_[0]->Running());
+  EXPECT_TRUE(workers_[1]->Running());
+  published.ExpectEachOnce();
+}
+
+// A lease that has ended early, or ends late, as after a jump of the database's clock.
+TEST_F(SolveWorkers, AClockOfTheDatabaseThatJumpsPublishesNothingTwice) {
+  const std::string database = url_.substr(url_.rfind('/') + 1);
+  const PublishedCalibrations published(cluster_.get(), database);
+  StartWorker();
+  StartWorker();
+  Create("c-000001");
+  ExpectSucceeds("c-000001");
+  const std::string undisturbed = Comparable("c-000001");
+  int number = 1;
+  for (const char* jump : {"- 3600000", "+ 3600000"}) {
+    SCOPED_TRACE(jump);
+    const std::string id = absl::StrCat("c-00000", ++number);
+    Create(id);
+    Process* const holder = HoldSolve();
+    ASSERT_NE(holder, nullptr);
+    const pid_t held = solve_;
+    // It gives no sign of life that would set the lease right.
+    holder->Signal(SIGSTOP);
+    cluster_->Sql(database, absl::StrCat("UPDATE calibration_job SET lease_end_ms = lease_end_ms ",
+                                         jump, " WHERE state = 2"));
+    // The other one ends it before the lease would have.
+    ExpectSucceeds(id);
+    const nlohmann::json first = Get(id);
+    ASSERT_EQ(kill(held, SIGCONT), 0);
+    holder->Signal(SIGCONT);
+    EXPECT_TRUE(WaitFor([&] {
+      return holder->StandardError().find(absl::StrCat(id, " was claimed by another process")) !=
+             std::string::npos;
+    })) << holder->StandardError();
+    EXPECT_EQ(Get(id), first);
+    EXPECT_EQ(Comparable(id), undisturbed);
+    EXPECT_TRUE(WaitFor([&] {
+      return ProcessesWith(absl::StrCat("--parent=", holder->pid()) + std::string(1, '\0')).empty();
+    })) << "the solve that was refused goes on";
+  }
+  published.ExpectEachOnce();
 }
 
 TEST_F(SolveWorkers, RefusesWhatItCannotShare) {

@@ -91,10 +91,14 @@ void PostgresCluster::Initialize(const Options& options) {
 PostgresCluster::~PostgresCluster() { StopAtOnce(); }
 
 void PostgresCluster::Start() {
-  server_ = std::make_unique<Process>(Process::Options{
-      .arguments = Command("postgres", {"-D", data().string(), "-k", directory_.path().string()}),
-      .environment = {}});
   const auto answers = [this] {
+    // After Kill it ends at once while a process of the one before is left.
+    if (server_ == nullptr || !server_->Running()) {
+      server_ = std::make_unique<Process>(Process::Options{
+          .arguments =
+              Command("postgres", {"-D", data().string(), "-k", directory_.path().string()}),
+          .environment = {}});
+    }
     return RunCommand(Command("pg_isready", {"-q", "-h", directory_.path().string()})).exit_code ==
            0;
   };
@@ -104,6 +108,12 @@ void PostgresCluster::Start() {
 void PostgresCluster::StopAtOnce() {
   if (server_ == nullptr) return;
   server_->Signal(SIGQUIT);
+  server_->Wait();
+  server_.reset();
+}
+
+void PostgresCluster::Kill() {
+  server_->Signal(SIGKILL);
   server_->Wait();
   server_.reset();
 }
@@ -126,9 +136,17 @@ std::string PostgresCluster::Url(const std::string& database, const std::string&
   return absl::StrCat("postgresql://", user, "@", folder, "/", database);
 }
 
-std::string PostgresCluster::CreateDatabase() {
+void PostgresCluster::CreateTablespace(const std::string& name, const fs::path& folder) {
+  if (const passwd* user = PostgresUser()) {
+    ASSERT_EQ(chown(folder.c_str(), user->pw_uid, user->pw_gid), 0);
+  }
+  Sql("postgres", absl::StrCat("CREATE TABLESPACE ", name, " LOCATION '", folder.string(), "'"));
+}
+
+std::string PostgresCluster::CreateDatabase(const std::string& tablespace) {
   const std::string name = absl::StrCat("test_", ++database_count_);
-  Sql("postgres", absl::StrCat("CREATE DATABASE ", name));
+  Sql("postgres",
+      absl::StrCat("CREATE DATABASE ", name, tablespace.empty() ? "" : " TABLESPACE ", tablespace));
   return name;
 }
 

@@ -31,8 +31,10 @@ class PostgresCluster {
 
   // Its superuser is `rigcal`.
   std::string Url(const std::string& database, const std::string& user = "rigcal") const;
-  // A new empty database; its name.
-  std::string CreateDatabase();
+  // A new empty database; its name. `tablespace`: where its files are; empty: beside the others.
+  std::string CreateDatabase(const std::string& tablespace = "");
+  // Gives a folder to the user as whom it runs, and makes a tablespace of it.
+  void CreateTablespace(const std::string& name, const std::filesystem::path& folder);
   // The address of a new empty schema, which is as good as a database of its own and made faster.
   std::string NewUrl();
   // Runs statements; what they give, a row per line, values between `|`. Fails the test on errors.
@@ -40,6 +42,8 @@ class PostgresCluster {
 
   // Ends as in a crash: nothing is written any more.
   void StopAtOnce();
+  // kill -9 of its first process. The others end a moment later.
+  void Kill();
   // Waits for nothing but open transactions' rollback.
   void Stop();
   // After a stop. Waits until it answers.

@@ -31,5 +31,6 @@ test('where a frame comes from is said in words', () => {
 
 test('a calibration without a grade says how it stands', () => {
   assert.deepEqual(gradeOf({ state: 'STATE_FAILED' }), ['bad', 'failed']);
+  assert.deepEqual(gradeOf({ state: 'STATE_CANCELLED' }), ['idle', 'cancelled']);
   assert.deepEqual(gradeOf({ state: 'STATE_SUCCEEDED', quality: { grade: 'GRADE_GOOD' } }), ['good', 'good: use it']);
 });

@@ -17,7 +17,7 @@ class Progress:
     """How far a calibration is.
 
     Attributes:
-        state: "queued", "running", "succeeded" or "failed".
+        state: "queued", "running", "succeeded", "failed" or "cancelled".
         stage: "reading", "associating", "adjusting", ...; docs/api.md lists them. "done" at
             the end, however it went.
         fraction: Share of the stage that is done, 0 to 1.
@@ -63,12 +63,14 @@ class CalibrationJob:
         """Waits for the end.
 
         Raises:
-            RigcalError: The calibration failed; the text says why, and what to do.
+            RigcalError: The calibration failed or was cancelled; the text says why, and what to do.
         """
         for _ in self:
             pass
         ended = self._ended
         if ended is None or ended.state != calibration_pb2.Calibration.STATE_SUCCEEDED:
+            if ended is not None and ended.state == calibration_pb2.Calibration.STATE_CANCELLED:
+                raise RigcalError(f"calibration {self.id} was cancelled")
             raise RigcalError(f"calibration {self.id} failed: {ended.error if ended else ''}")
         return fetch_calibration(self._service, self.id)
 

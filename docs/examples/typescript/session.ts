@@ -43,7 +43,7 @@ await sessions('StopSession')({ id });
 while ((await sessions('GetSession')({ id })).session.state !== 'STATE_FINISHED') await sleep(200);
 
 let { calibration } = await calibrations('CreateCalibration')({ session_ids: [id] });
-while (!['STATE_SUCCEEDED', 'STATE_FAILED'].includes(calibration.state)) {
+while (!['STATE_SUCCEEDED', 'STATE_FAILED', 'STATE_CANCELLED'].includes(calibration.state)) {
   await sleep(200);
   ({ calibration } = await calibrations('GetCalibration')({ id: calibration.id }));
 }

@@ -15,10 +15,6 @@ namespace {
 
 constexpr char kCalibration[] = "calibration";
 
-bool HasEnded(CalibrationState state) {
-  return state == CalibrationState::kSucceeded || state == CalibrationState::kFailed;
-}
-
 // Its number. FAILED_PRECONDITION: it has ended. INVALID_ARGUMENT: rig or version differ from what
 // is stored.
 absl::StatusOr<int64_t> CheckReplacement(SqlDatabase& database, const Calibration& calibration) {
@@ -28,8 +24,10 @@ absl::StatusOr<int64_t> CheckReplacement(SqlDatabase& database, const Calibratio
   const auto state = static_cast<CalibrationState>(row.Int64(0));
   if (HasEnded(state)) {
     return absl::FailedPreconditionError(
-        absl::StrCat("calibration ", calibration.id, " has ",
-                     state == CalibrationState::kSucceeded ? "succeeded" : "failed",
+        absl::StrCat("calibration ", calibration.id, " ",
+                     state == CalibrationState::kSucceeded ? "has succeeded"
+                     : state == CalibrationState::kFailed  ? "has failed"
+                                                           : "was cancelled",
                      " and is immutable; start a new calibration"));
   }
   if (row.Text(1) != calibration.rig || row.Uint32(2) != calibration.version) {

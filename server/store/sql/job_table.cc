@@ -71,7 +71,7 @@ absl::Status LostClaim(SqlDatabase& database, const JobClaim& claim) {
 }
 
 Calibration Cancelled(Calibration calibration, int64_t utc_ns) {
-  calibration.state = CalibrationState::kFailed;
+  calibration.state = CalibrationState::kCancelled;
   calibration.error = "cancelled";
   calibration.end_utc_ns = utc_ns;
   return calibration;

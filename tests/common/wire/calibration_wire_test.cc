@@ -215,6 +215,21 @@ TEST(CalibrationWire, FailedOneKeepsItsErrorAndRefusals) {
   EXPECT_EQ(back.refused, calibration.refused);
 }
 
+TEST(CalibrationWire, ACancelledOneOfAnOlderReleaseIsCancelled) {
+  Calibration calibration;
+  calibration.id = "c-000001";
+  // As releases without that state have stored it.
+  calibration.state = CalibrationState::kFailed;
+  calibration.error = "cancelled";
+  ASSERT_OK_AND_ASSIGN(const Calibration read, ParseCalibration(SerializeCalibration(calibration)));
+  EXPECT_EQ(read.state, CalibrationState::kCancelled);
+  EXPECT_EQ(ToProto(read).state(), v1::Calibration::STATE_CANCELLED);
+  calibration.error = "too few instants";
+  ASSERT_OK_AND_ASSIGN(const Calibration failed,
+                       ParseCalibration(SerializeCalibration(calibration)));
+  EXPECT_EQ(failed.state, CalibrationState::kFailed);
+}
+
 TEST(CalibrationWire, DamagedBytesAreDataLoss) {
   std::string bytes = SerializeCalibration(FilledCalibration());
   bytes.resize(bytes.size() - 3);

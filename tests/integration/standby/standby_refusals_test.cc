@@ -5,7 +5,9 @@
 #include <grpcpp/security/credentials.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string>
@@ -16,6 +18,7 @@
 #include "common/wire/protocol_version.h"
 #include "rigcal/v1/replication_service.grpc.pb.h"
 #include "tests/integration/running_wave.h"
+#include "tests/testing/http_connection.h"
 #include "tests/testing/process.h"
 #include "tests/testing/server_client.h"
 #include "tests/testing/status_matchers.h"
@@ -47,6 +50,16 @@ class StandbyRefusals : public ::testing::Test {
     }
     return ::testing::AssertionFailure() << server.process().StandardError();
   }
+  // A page of the server whose HTTP port is in the file.
+  static std::string Page(const std::string& port_file, const std::string& path) {
+    int port = 0;
+    EXPECT_TRUE(WaitFor([&] {
+      std::ifstream(port_file) >> port;
+      return port != 0;
+    }));
+    const auto reply = HttpConnection(port).Get(path, "Host: 127.0.0.1\r\n");
+    return reply.ok() ? reply->body : std::string(reply.status().message());
+  }
   static absl::Status Ask(const std::string& address, const v1::ListChangesRequest& request) {
     const auto stub = v1::ReplicationService::NewStub(
         grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
@@ -76,6 +89,72 @@ TEST_F(StandbyRefusals, PromoteWhileThePrimaryAnswers) {
   EXPECT_TRUE(WaitFor([&] {
     return absl::IsUnavailable(ServerClient(primary->address()).GetSession("wave").status());
   }));
+}
+
+TEST_F(StandbyRefusals, ThePageAndMetricsOfAStandbySayWhatItIs) {
+  const auto primary = Start("primary");
+  const std::string http_port = Folder("http_port");
+  const auto standby =
+      Start("standby", {"--follow", primary->address(), "--http-port-file", http_port});
+  ASSERT_TRUE(Says(*standby, "has everything of it"));
+  EXPECT_THAT(Page(http_port, "/"),
+              AllOf(HasSubstr("<h1>Standby of " + primary->address() + "</h1>"),
+                    HasSubstr("rigcal-server promote"), HasSubstr("It is 0 observations behind")));
+  EXPECT_THAT(Page(http_port, "/metrics"),
+              AllOf(HasSubstr("rigcal_standby{primary=\"" + primary->address() + "\"} 1"),
+                    HasSubstr("rigcal_standby_complete 1"), HasSubstr("rigcal_standby_follows 1"),
+                    HasSubstr("rigcal_standby_behind_observations 0"),
+                    HasSubstr("rigcal_standby_silence_seconds ")));
+  EXPECT_THAT(Page(http_port, "/v1/sessions"), HasSubstr("UNAVAILABLE"));
+  primary->process().Signal(SIGKILL);
+  primary->process().Wait();
+  EXPECT_TRUE(WaitFor(
+      [&] { return absl::StrContains(Page(http_port, "/metrics"), "rigcal_standby_follows 0"); }));
+  EXPECT_THAT(Page(http_port, "/"), HasSubstr("nothing is copied"));
+}
+
+// Who was promoted last serves, whatever the others are started with.
+TEST_F(StandbyRefusals, APromotedServerFollowsOnlyOneThatWasPromotedAfterIt) {
+  auto a = Start("a");
+  ASSERT_THAT(ServerClient(a->address()).CreateSession(WandSession()), IsOk());
+  auto b = Start("b", {"--follow", a->address()});
+  ASSERT_TRUE(Says(*b, "has everything of it"));
+  const auto kill = [](std::unique_ptr<ServerProcess>* server) {
+    (*server)->process().Signal(SIGKILL);
+    (*server)->process().Wait();
+  };
+  const auto refused = [&](const std::string& name, const std::string& primary) {
+    Process process({{"rigcal-server", "--listen", "127.0.0.1:0", "--data-dir", Folder(name),
+                      "--follow", primary},
+                     {}});
+    EXPECT_EQ(process.Wait(), 1);
+    return process.StandardError();
+  };
+  kill(&a);
+  ASSERT_EQ(Promote(Folder("b")).exit_code, 0);
+  kill(&b);
+  // Nobody answers: nobody knows who is the newer one.
+  EXPECT_THAT(refused("b", a->address()),
+              AllOf(HasSubstr("this server was promoted"), HasSubstr("does not answer"),
+                    HasSubstr("start it without --follow")));
+  {
+    const auto old = Start("a");
+    EXPECT_THAT(refused("b", old->address()), AllOf(HasSubstr("this one is the older of the two"),
+                                                    HasSubstr("start it without --follow")));
+  }
+  // The old one follows the new one, takes over, and then that one follows it, as it was promoted
+  // before.
+  b = Start("b");
+  a = Start("a", {"--follow", b->address()});
+  ASSERT_TRUE(Says(*a, "has everything of it"));
+  kill(&b);
+  ASSERT_EQ(Promote(Folder("a")).exit_code, 0);
+  // At a port that is known.
+  kill(&a);
+  a = Start("a");
+  b = Start("b", {"--follow", a->address()});
+  EXPECT_TRUE(Says(*b, "has everything of it (1 sessions"));
+  EXPECT_TRUE(absl::IsUnavailable(ServerClient(b->address()).GetSession("wave").status()));
 }
 
 TEST_F(StandbyRefusals, CallsOfAStandbyNameThePrimary) {
@@ -110,7 +189,14 @@ TEST_F(StandbyRefusals, ASecondFollower) {
 }
 
 TEST_F(StandbyRefusals, AnAddressWhereNobodyIs) {
-  const auto standby = Start("standby", {"--follow", "127.0.0.1:1"});
+  const std::string http_port = Folder("http_port");
+  const auto standby = Start("standby", {"--follow", "127.0.0.1:1", "--http-port-file", http_port});
+  EXPECT_TRUE(absl::IsUnavailable(ServerClient(standby->address()).GetSession("wave").status()));
+  EXPECT_THAT(Page(http_port, "/"), HasSubstr("It has not heard of it yet"));
+  // The ports were open before the primary had had its 5 s to answer.
+  const auto opened = std::filesystem::last_write_time(http_port);
+  ASSERT_TRUE(Says(*standby, "a standby of 127.0.0.1:1: port"));
+  EXPECT_GT(std::filesystem::file_time_type::clock::now() - opened, std::chrono::seconds(4));
   EXPECT_TRUE(Says(*standby, "standby of 127.0.0.1:1: it does not answer"));
   EXPECT_THAT(Promote(Folder("standby")).error,
               HasSubstr("this standby has never had all data of 127.0.0.1:1"));

@@ -107,7 +107,7 @@ TEST_F(CalibrationService, CancelEndsARunningOne) {
   ASSERT_THAT(Cancel(created.id()), IsOk());
   runner().WaitIdle();
   ASSERT_OK_AND_ASSIGN(const v1::Calibration ended, Get(created.id()));
-  EXPECT_EQ(ended.state(), v1::Calibration::STATE_FAILED);
+  EXPECT_EQ(ended.state(), v1::Calibration::STATE_CANCELLED);
   EXPECT_EQ(ended.error(), "cancelled");
   EXPECT_THAT(Cancel("nobody"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
 }

@@ -190,7 +190,7 @@ TEST_F(CalibrationRunner, CancelsAQueuedOne) {
   solver_.AwaitBegun(1);
   ASSERT_OK_AND_ASSIGN(const Calibration second, runner().CreateCalibration({"wave"}, {}));
   ASSERT_OK_AND_ASSIGN(const Calibration cancelled, runner().CancelCalibration(second.id));
-  EXPECT_EQ(cancelled.state, CalibrationState::kFailed);
+  EXPECT_EQ(cancelled.state, CalibrationState::kCancelled);
   EXPECT_EQ(cancelled.error, "cancelled");
   solver_.Release();
   runner().WaitIdle();
@@ -207,7 +207,7 @@ TEST_F(CalibrationRunner, CancelsTheRunningOneAndGoesOnWithTheNext) {
   solver_.AwaitBegun(1);
   ASSERT_THAT(runner().CancelCalibration(first.id), IsOk());
   const Calibration ended = AwaitEnd(first.id);
-  EXPECT_EQ(ended.state, CalibrationState::kFailed);
+  EXPECT_EQ(ended.state, CalibrationState::kCancelled);
   EXPECT_EQ(ended.error, "cancelled");
   EXPECT_FALSE(ended.result.has_value());
   solver_.AwaitBegun(2);

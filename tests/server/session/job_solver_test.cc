@@ -96,7 +96,7 @@ TEST_F(JobSolver, ACancelIsForWhoeverSolves) {
   ASSERT_THAT(runner().CancelCalibration(id), IsOk());
   ASSERT_OK_AND_ASSIGN(const bool cancel, store().RenewJob(job->claim, {}));
   EXPECT_TRUE(cancel);
-  job->calibration.state = CalibrationState::kFailed;
+  job->calibration.state = CalibrationState::kCancelled;
   job->calibration.error = "cancelled";
   ASSERT_THAT(store().FinishJob(job->claim, job->calibration), IsOk());
   EXPECT_EQ(AwaitEnd(id).error, "cancelled");

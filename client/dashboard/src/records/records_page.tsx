@@ -143,7 +143,7 @@ export function RecordsPage({ route }: { route: Route }): JSX.Element {
         <button type="button" onClick={() => setSize({ ...size, sessions: Math.min(1000, size.sessions * 4) })}>More</button>}
     </Panel>
     <Panel name="calibrations" title="Calibrations" aside={select('State', calibrationFilter, setCalibrationFilter, [['STATE_QUEUED', 'queued'],
-      ['STATE_RUNNING', 'running'], ['STATE_SUCCEEDED', 'succeeded'], ['STATE_FAILED', 'failed']])}>
+      ['STATE_RUNNING', 'running'], ['STATE_SUCCEEDED', 'succeeded'], ['STATE_FAILED', 'failed'], ['STATE_CANCELLED', 'cancelled']])}>
       <Problem text={calibrations.problem} />
       <div class="scroll" tabIndex={0} role="region" aria-label="Calibrations"><table>
         <thead><tr><th scope="col">calibration</th><th scope="col">grade</th><th scope="col">rig</th><th scope="col">version</th><th scope="col">made</th>

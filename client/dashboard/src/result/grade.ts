@@ -11,6 +11,7 @@ const grades: Record<string, readonly [Mark, string]> = {
 export function gradeOf(calibration: Calibration): readonly [Mark, string] {
   if (calibration.state === 'STATE_SUCCEEDED') return grades[calibration.quality?.grade ?? ''] ?? ['good', 'not graded'];
   if (calibration.state === 'STATE_FAILED') return ['bad', 'failed'];
+  if (calibration.state === 'STATE_CANCELLED') return ['idle', 'cancelled'];
   return calibration.state === 'STATE_RUNNING' ? ['live', 'running'] : ['idle', 'queued'];
 }
 
@@ -18,4 +19,9 @@ export function gradeOf(calibration: Calibration): readonly [Mark, string] {
 export function calibrationMark(calibration: Calibration): readonly [Mark, string] {
   const [mark, words] = gradeOf(calibration);
   return [mark, words.split(/[:,]/)[0]!];
+}
+
+/** Nobody works on it any more. */
+export function hasEnded(state: string | undefined): boolean {
+  return state === 'STATE_SUCCEEDED' || state === 'STATE_FAILED' || state === 'STATE_CANCELLED';
 }

@@ -19,7 +19,7 @@ import { compareCalibrations } from './compare';
 import { Downloads } from './downloads';
 import { frameName, FramePanel } from './frame_panel';
 import { goalOf } from './goal';
-import { calibrationMark, gradeOf } from './grade';
+import { calibrationMark, gradeOf, hasEnded } from './grade';
 import { ResidualVectors } from './residual_panel';
 import { named, worstFirst } from './worst_first';
 
@@ -60,7 +60,7 @@ function Result({ id, others, withId, theme, onEnd, ...actives }: {
   const calibration = loaded.value;
   const state = calibration?.state;
   useEffect(() => {
-    if (state !== 'STATE_SUCCEEDED' && state !== 'STATE_FAILED') return;
+    if (!hasEnded(state)) return;
     setEnded(true);
     // The list still says that it runs.
     if (others.some((one) => one.id === id && one.state !== state)) onEnd();
@@ -76,6 +76,10 @@ function Result({ id, others, withId, theme, onEnd, ...actives }: {
       {progress?.waiting && <p class="problem" role="status">It waits: {progress.waiting}.</p>}
       <WorkButton kind="quiet" work={() => cancelCalibration(id)}>Cancel</WorkButton>
     </Panel>;
+  }
+  if (state === 'STATE_CANCELLED') {
+    return <Panel name="cancelled" title={`${id} was cancelled`}>
+      <p>Sessions: {(calibration.session_ids ?? []).join(', ')}</p></Panel>;
   }
   if (state === 'STATE_FAILED') {
     return <Panel name="failed" title={`${id} failed`}>

@@ -5,7 +5,7 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import { createCalibration, createSession, getCalibration, listCalibrations, resumeSession, startSession, stopSession } from '../api/server_api';
 import { timeMs } from '../api/json_values';
 import type { Calibration, Session } from '../api/types';
-import { gradeOf } from '../result/grade';
+import { gradeOf, hasEnded } from '../result/grade';
 import { Activate } from '../result/activate';
 import { useFeed, useFeedControl } from '../shell/feed_context';
 import { WorkButton } from '../shell/parts';
@@ -65,7 +65,7 @@ function useCalibrationOf(session: Session | undefined): { calibration: Calibrat
     return (await listCalibrations({ filter: `session_ids:${of}`, page_size: 1 }, signal)).calibrations?.[0];
   }, open ? 700 : 0);
   const state = loaded.value?.state;
-  useEffect(() => setOpen(of !== '' && (id !== '' || state !== undefined) && state !== 'STATE_SUCCEEDED' && state !== 'STATE_FAILED'), [of, id, state]);
+  useEffect(() => setOpen(of !== '' && (id !== '' || state !== undefined) && !hasEnded(state)), [of, id, state]);
   return { calibration: of === '' ? undefined : loaded.value, follow: (made) => {
     setOpen(true);
     setAsked({ session: of, id: made });
@@ -77,7 +77,7 @@ function CalibrationWords({ calibration }: { calibration: Calibration }): JSX.El
   const [mark, words] = gradeOf(calibration);
   const symbol = { good: '✓', warn: '▲', bad: '✕', idle: '…', info: '…', live: '…' }[mark];
   const stage = calibration.state === 'STATE_QUEUED' ? 'it waits for the worker' : enumWords(calibration.progress?.stage, 'CALIBRATION_STAGE_');
-  const ended = calibration.state === 'STATE_SUCCEEDED' || calibration.state === 'STATE_FAILED';
+  const ended = hasEnded(calibration.state);
   return <section class={`verdict ${mark}`} aria-live="polite">
     <h1 class="word"><span aria-hidden="true">{symbol}</span> {ended ? words : 'Calibrating'}</h1>
     <p class="do">{ended ? calibration.error || (calibration.quality?.reasons ?? []).slice(0, 2).join('; ') : stage}</p>

@@ -73,7 +73,8 @@ TEST_P(StoreCalibrations, KeepsProgressAndResult) {
 }
 
 TEST_P(StoreCalibrations, IsImmutableOnceItHasEnded) {
-  for (const CalibrationState end : {CalibrationState::kSucceeded, CalibrationState::kFailed}) {
+  for (const CalibrationState end :
+       {CalibrationState::kSucceeded, CalibrationState::kFailed, CalibrationState::kCancelled}) {
     Calibration calibration = Create("rig");
     calibration.state = end;
     if (end == CalibrationState::kSucceeded) {

@@ -167,7 +167,7 @@ TEST_P(StoreJobs, QueuedAreCancelledAtOnceAndRunningOnesByTheirHolder) {
   const std::string running = Create(), queued = Create();
   const ClaimedJob job = Claim(kFirst);
   ASSERT_OK_AND_ASSIGN(const Calibration cancelled, store().CancelJob(queued, 9));
-  EXPECT_EQ(cancelled.state, CalibrationState::kFailed);
+  EXPECT_EQ(cancelled.state, CalibrationState::kCancelled);
   EXPECT_EQ(cancelled.error, "cancelled");
   EXPECT_EQ(store().GetCalibration(queued)->end_utc_ns, 9);
   EXPECT_TRUE(NoJob(kSecond));

@@ -29,6 +29,8 @@ class SmallDisk {
  public:
   SmallDisk() {
     fs::create_directories(mount_point_);
+    // PostgreSQL is another user.
+    fs::permissions(directory_.path(), fs::perms(0755));
     if (unshare(CLONE_NEWNS) != 0 ||
         mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
         mount("tmpfs", mount_point_.c_str(), "tmpfs", 0, "size=40m,mode=0755") != 0) {

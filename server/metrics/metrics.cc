@@ -197,8 +197,6 @@ std::string MetricsText(const MetricsSources& sources) {
 
 std::string StandbyMetricsText(const StandbyFigures& figures) {
   Families families;
-  families.Gauge("rigcal_info", "Release of the server.", 1,
-                 {{"version", figures.software_version}});
   families.Gauge("rigcal_standby", "1: this server follows another one and answers nobody.", 1,
                  {{"primary", figures.primary}});
   families.Gauge("rigcal_standby_complete", "1 once it has had everything of its primary.",

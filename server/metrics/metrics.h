@@ -48,7 +48,6 @@ struct StandbyFigures {
   uint64_t behind_count = 0;  // rows that the primary had more, when it last answered
   double silence_s = -1;      // since then; below 0: it never has
   bool follows = false;       // the last attempt to copy has worked
-  std::string software_version;
 };
 std::string StandbyMetricsText(const StandbyFigures& figures);
 

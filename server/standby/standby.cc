@@ -17,7 +17,6 @@
 #include "absl/strings/str_format.h"
 #include "common/service/service_notice.h"
 #include "common/status/status_macros.h"
-#include "common/wire/protocol_version.h"
 #include "server/care/running_server.h"
 #include "server/listen/port_file.h"
 #include "server/metrics/metrics.h"
@@ -169,8 +168,7 @@ class Standby {
                                        .complete = state.complete,
                                        .behind_count = state.behind_count,
                                        .silence_s = state.silence_s,
-                                       .follows = state.silence_s >= 0 && state.problem.empty(),
-                                       .software_version = std::string(wire::kSoftwareVersion)})};
+                                       .follows = state.silence_s >= 0 && state.problem.empty()})};
   }
 
   absl::StatusOr<Promotion> Promote(bool force) {

@@ -2,6 +2,7 @@
 #include "server/program/neighbours.h"
 
 #include <filesystem>
+#include <utility>
 
 #include "common/status/status_macros.h"
 #include "server/http/web_server.h"
@@ -37,13 +38,9 @@ absl::StatusOr<WaitingPorts> OpenWaitingPorts(const ServerConfig& config, const 
     }
     return result;
   };
-  RIGCAL_ASSIGN_OR_RETURN(ports.web, WebServer::Open({.data_dir = config.data_dir,
-                                                      .grpc_listen = config.listen,
-                                                      .advertised = config.advertise,
-                                                      .https_listen = config.https.listen,
-                                                      .hosts = HostsOf(config.https.hosts),
-                                                      .plain_loopback = HasOpenLoopback(config),
-                                                      .waiting = notice}));
+  WebServerOptions web = WebOptions(config);
+  web.waiting = notice;
+  RIGCAL_ASSIGN_OR_RETURN(ports.web, WebServer::Open(std::move(web)));
   RIGCAL_RETURN_IF_ERROR(ports.web->Start(port, {}));
   ports.rpc_port = port;
   if (!flags.http_port_file.empty()) {

@@ -65,6 +65,15 @@ RpcServerOptions RpcOptions(const ServerConfig& config,
           .ingest_queue_limit_bytes = size_t{limits.ingest_queue_mb} << 20};
 }
 
+WebServerOptions WebOptions(const ServerConfig& config) {
+  return {.data_dir = config.data_dir,
+          .grpc_listen = config.listen,
+          .advertised = config.advertise,
+          .https_listen = config.https.listen,
+          .hosts = HostsOf(config.https.hosts),
+          .plain_loopback = HasOpenLoopback(config)};
+}
+
 std::vector<std::string> HostsOf(const std::string& text) {
   std::vector<std::string> hosts;
   for (const absl::string_view host : absl::StrSplit(text, ',', absl::SkipWhitespace())) {

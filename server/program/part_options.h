@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/config/server_config.h"
+#include "server/http/web_server.h"
 #include "server/jobs/signs_of_life.h"
 #include "server/rpc/rpc_server.h"
 #include "server/session/retention.h"
@@ -31,6 +32,9 @@ std::filesystem::path SocketFile(const ServerConfig& config);
 // The limit on connections is lowered to what this process may open.
 RpcServerOptions RpcOptions(const ServerConfig& config,
                             const std::filesystem::path& identity_folder);
+
+// Ports and names of the HTTP server; what it shows is added.
+WebServerOptions WebOptions(const ServerConfig& config);
 
 // Names between commas, with spaces around them.
 std::vector<std::string> HostsOf(const std::string& text);

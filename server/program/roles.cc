@@ -31,9 +31,17 @@ absl::Status ServeInTurns(ServerConfig& config, const ServerFlags& flags) {
   }
 }
 
-StandbyServerOptions StandbyPorts(const ServerConfig& config,
-                                  const std::filesystem::path& identity) {
-  return {.endpoint = RpcOptions(config, identity).endpoint};
+// The same ports as those of a server.
+absl::StatusOr<StandbyOptions> StandbyOf(const ServerConfig& config, const ServerFlags& flags) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path identity, PrepareIdentity(config));
+  return StandbyOptions{.primary = config.follow,
+                        .data_dir = config.data_dir,
+                        .store = {.min_free_bytes = uint64_t{config.limits.disk_reserve_mb} << 20},
+                        .server = {.endpoint = RpcOptions(config, identity).endpoint},
+                        .web = WebOptions(config),
+                        .port_file = flags.port_file,
+                        .http_port_file = flags.http_port_file,
+                        .own_name = OwnName(config.listen)};
 }
 
 }  // namespace
@@ -46,22 +54,12 @@ absl::Status ServeInRole(ServerConfig config, const ServerFlags& flags) {
   BlockSignals(!flags.config_file.empty());
   while (true) {
     RIGCAL_ASSIGN_OR_RETURN(const DataRole role, ReadDataRole(config.data_dir));
-    if (role.role == RoleOfData::kPromoted && !config.follow.empty()) {
-      spdlog::warn(
-          "this server has taken over from {} and serves; --follow {} has no effect any "
-          "more, remove it",
-          role.primary, config.follow);
-    } else if (!config.follow.empty()) {
-      RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path identity, PrepareIdentity(config));
-      RIGCAL_ASSIGN_OR_RETURN(
-          const StandbyEnd end,
-          RunStandby({.primary = config.follow,
-                      .data_dir = config.data_dir,
-                      .store = {.min_free_bytes = uint64_t{config.limits.disk_reserve_mb} << 20},
-                      .server = StandbyPorts(config, identity),
-                      .port_file = flags.port_file,
-                      .own_name = OwnName(config.listen)}));
+    if (!config.follow.empty()) {
+      RIGCAL_ASSIGN_OR_RETURN(const StandbyOptions options, StandbyOf(config, flags));
+      RIGCAL_ASSIGN_OR_RETURN(const StandbyEnd end, RunStandby(options));
       if (end == StandbyEnd::kStopped) return absl::OkStatus();
+      // What was asked for at the start is done.
+      config.follow.clear();
       continue;
     }
     if (role.role == RoleOfData::kStandby) {
@@ -71,11 +69,10 @@ absl::Status ServeInRole(ServerConfig config, const ServerFlags& flags) {
           "promote --data-dir ", config.data_dir));
     }
     if (role.role == RoleOfData::kSuperseded) {
-      RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path identity, PrepareIdentity(config));
-      StandbyServerOptions options = StandbyPorts(config, identity);
-      options.active_server = role.superseded_by;
-      options.reason = WhyNotToServe(role);
-      return RunRefusing(std::move(options), config.data_dir, flags.port_file);
+      RIGCAL_ASSIGN_OR_RETURN(StandbyOptions options, StandbyOf(config, flags));
+      options.server.active_server = role.superseded_by;
+      options.server.reason = WhyNotToServe(role);
+      return RunRefusing(options);
     }
     RIGCAL_RETURN_IF_ERROR(ServeInTurns(config, flags));
     RIGCAL_ASSIGN_OR_RETURN(const DataRole now, ReadDataRole(config.data_dir));

@@ -187,6 +187,7 @@ absl::StatusOr<ServeEnd> Serve(ServerConfig& config, const ServerFlags& flags) {
                                   const ObservationBatch& rows) {
     estimates.AddEarlierRows(session_id, camera, rows);
   });
+  estimates.SetWaits([&live](const std::string& id) { return live.ReadsEarlier(id); });
   const auto report_delivery = [&](const Delivery& delivery, const AppendOutcome& outcome) {
     live.RecordDelivery(delivery, outcome);
   };
@@ -217,18 +218,11 @@ absl::StatusOr<ServeEnd> Serve(ServerConfig& config, const ServerFlags& flags) {
                       .show = [&live](const std::string& rig, LiveMonitor state) {
                         live.SetMonitor(rig, std::move(state));
                       }});
-  RIGCAL_ASSIGN_OR_RETURN(
-      const auto web,
-      WebServer::Open(
-          {.data_dir = config.data_dir,
-           .grpc_listen = config.listen,
-           .advertised = config.advertise,
-           .https_listen = config.https.listen,
-           .hosts = HostsOf(config.https.hosts),
-           .plain_loopback = HasOpenLoopback(config),
-           .docs_dir = config.docs_dir,
-           .audit = &audit,
-           .ready = [&] { return Readiness(config.data_dir, store->Health(), ingest.Stats()); }}));
+  WebServerOptions web_options = WebOptions(config);
+  web_options.docs_dir = config.docs_dir;
+  web_options.audit = &audit;
+  web_options.ready = [&] { return Readiness(config.data_dir, store->Health(), ingest.Stats()); };
+  RIGCAL_ASSIGN_OR_RETURN(const auto web, WebServer::Open(std::move(web_options)));
   if (web->authority() != nullptr) {
     web->authority()->SetNameHolder(
         [&](const std::string& agent_id) { return registry->HolderOf(agent_id); });

@@ -119,7 +119,18 @@ class Standby {
                             OpenPorts(options_, std::move(server), [this] { return Notice(); }));
     // It uses this object.
     const absl::Cleanup stop_web = [&] { ports.web->Shutdown(); };
-    RIGCAL_RETURN_IF_ERROR(MayFollow(follower_.WaitForFirstAnswer(kFirstAnswer)));
+    const absl::Status answer = follower_.WaitForFirstAnswer(kFirstAnswer);
+    if (was_promoted_ && !(answer.ok() && follower_.State().silence_s >= 0)) {
+      ports.rpc->Shutdown();
+      follower_.Shutdown();
+      spdlog::warn(
+          "this server was promoted, and none that was promoted after it answers at {}{}: it "
+          "serves, "
+          "and --follow has no effect",
+          options_.primary, answer.ok() ? "" : absl::StrCat(" (", answer.message(), ")"));
+      return StandbyEnd::kPromoted;
+    }
+    RIGCAL_RETURN_IF_ERROR(answer);
     const RunningServerNote note(options_.data_dir, SocketAddress(options_));
     spdlog::info(
         "a standby of {}: port {} refuses calls until it is promoted (rigcal-server "
@@ -136,18 +147,6 @@ class Standby {
   }
 
  private:
-  // What the first answer means for a server that was promoted before: two must not serve.
-  absl::Status MayFollow(const absl::Status& refused) const {
-    if (!was_promoted_) return refused;
-    const FollowerState state = follower_.State();
-    if (refused.ok() && state.silence_s >= 0) return absl::OkStatus();
-    return absl::FailedPreconditionError(absl::StrCat(
-        "this server was promoted, and follows only a server that was promoted after it: ",
-        refused.ok() ? absl::StrCat(options_.primary, " does not answer")
-                     : std::string(refused.message()),
-        ". To let this one serve, start it without --follow"));
-  }
-
   // For browsers and monitoring.
   WaitingNotice Notice() const {
     const FollowerState state = follower_.State();

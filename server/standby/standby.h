@@ -23,14 +23,16 @@ struct StandbyOptions {
   std::string own_name = {};  // of this PC, for the primary's messages
 };
 
-enum class StandbyEnd { kStopped, kPromoted };
+enum class StandbyEnd {
+  kStopped,
+  kPromoted,  // now, or before and no server that was promoted after it answers: it serves
+};
 
 // Runs a standby until a signal ends it or it is promoted. Its ports are open from the beginning:
 // they say whom it follows, how far behind it is, and how to promote it. A server that was promoted
-// before follows only one with a higher generation. The signals SIGTERM, SIGINT and SIGRTMIN must
-// be blocked in every thread.
-//   FAILED_PRECONDITION  its folder has data that the primary does not have; it is named. Or it was
-//                        promoted, and the other one is older, or does not answer within 5 s
+// before follows only one with a higher generation that answers within 5 s. The signals SIGTERM,
+// SIGINT and SIGRTMIN must be blocked in every thread.
+//   FAILED_PRECONDITION  its folder has data that the primary does not have; it is named
 //   others               errors of the store and the ports
 absl::StatusOr<StandbyEnd> RunStandby(const StandbyOptions& options);
 

@@ -2,18 +2,18 @@
 // For a phone beside the wand, or a screen four metres away.
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
-import { createCalibration, createSession, getCalibration, listCalibrations, resumeSession, startSession, stopSession } from '../api/server_api';
+import { createCalibration, createSession, resumeSession, startSession, stopSession } from '../api/server_api';
 import { timeMs } from '../api/json_values';
-import type { Calibration, Session } from '../api/types';
+import type { Calibration } from '../api/types';
 import { gradeOf, hasEnded } from '../result/grade';
 import { Activate } from '../result/activate';
 import { useFeed, useFeedControl } from '../shell/feed_context';
 import { WorkButton } from '../shell/parts';
 import { hashOf } from '../shell/route';
 import { changeSettings, readSettings } from '../shell/settings';
-import { useLoaded } from '../shell/use_async';
 import { enumWords, millimetres, missing, span } from '../view/format';
 import { targetOf } from '../view/target_text';
+import { useCalibrationOf } from './calibration_of';
 import { LiveFigureRegion } from './figure_region';
 import { isCapturing, progressOf } from './progress';
 import { nextSounds, nothingSaid, SoundPlayer } from './progress_sound';
@@ -51,25 +51,6 @@ function useWakeLock(): boolean {
     };
   }, []);
   return held;
-}
-
-/** The newest calibration of a finished session, looked at until it has ended. */
-function useCalibrationOf(session: Session | undefined): { calibration: Calibration | undefined; follow: (id: string) => void } {
-  const [asked, setAsked] = useState({ session: '', id: '' });
-  const [open, setOpen] = useState(true);
-  const of = session?.state === 'STATE_FINISHED' && !session.discard_time ? session.id ?? '' : '';
-  const id = asked.session === of ? asked.id : '';
-  const loaded = useLoaded(`calibration of ${of} ${id}`, async (signal): Promise<Calibration | undefined> => {
-    if (of === '') return undefined;
-    if (id !== '') return getCalibration(id, signal);
-    return (await listCalibrations({ filter: `session_ids:${of}`, page_size: 1 }, signal)).calibrations?.[0];
-  }, open ? 700 : 0);
-  const state = loaded.value?.state;
-  useEffect(() => setOpen(of !== '' && (id !== '' || state !== undefined) && !hasEnded(state)), [of, id, state]);
-  return { calibration: of === '' ? undefined : loaded.value, follow: (made) => {
-    setOpen(true);
-    setAsked({ session: of, id: made });
-  } };
 }
 
 /** How far a calibration is, and its grade; in large letters. */
@@ -133,7 +114,7 @@ export function DistancePage(): JSX.Element {
     await startSession(session.id ?? '');
     control.retryNow();
   };
-  const { calibration, follow } = useCalibrationOf(rig.session);
+  const { calibration, lookAgain } = useCalibrationOf(rig.session);
   const finished = rig.session?.state === 'STATE_FINISHED' && !rig.session.discard_time;
   const draining = rig.session?.state === 'STATE_DRAINING';
   const cameras = usableCameras(rig).length > 0;
@@ -170,7 +151,8 @@ export function DistancePage(): JSX.Element {
       }}>■ Stop</WorkButton>
       : (finished || draining) && calibration?.state !== 'STATE_SUCCEEDED'
         ? <><WorkButton kind="primary" disabled={stale || draining || solving} work={async () => {
-          follow((await createCalibration([rig.session?.id ?? ''])).id ?? '');
+          await createCalibration([rig.session?.id ?? '']);
+          lookAgain();
         }}>{solving ? 'Calibrating …' : 'Calibrate'}</WorkButton>
         {finished && <div class="others">{again}</div>}</>
         : finished && calibration ? <><Activate calibration={calibration} disabled={stale} />

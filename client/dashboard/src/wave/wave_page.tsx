@@ -9,11 +9,13 @@ import { useFeed, useFeedControl } from '../shell/feed_context';
 import { Panel } from '../shell/parts';
 import { hashOf } from '../shell/route';
 import { changeSettings, readSettings } from '../shell/settings';
+import { gradeOf, hasEnded } from '../result/grade';
 import { SceneView } from '../scene/scene_view';
 import { qualityRgb, rgbText } from '../view/colour_scale';
 import { fixed, millimetres, missing, scaleText, span } from '../view/format';
 import { modelOfEstimate } from '../view/rig_model';
 import { Alerts, PairNeeds } from './alerts';
+import { useCalibrationOf } from './calibration_of';
 import { CameraTile } from './camera_tile';
 import { FigureCurve } from './figure_curve';
 import { LiveFigureRegion } from './figure_region';
@@ -33,6 +35,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
     control.setAttention('wave');
     return () => control.setAttention('other');
   }, [control]);
+  const { calibration } = useCalibrationOf(stale ? undefined : rig.session);
   const [pictures, setPictures] = useState(readSettings().pictures);
   const estimate = rig.estimate;
   const progress = progressOf(rig, stale);
@@ -59,7 +62,8 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
       </div>
       <LiveFigureRegion progress={progress} />
       {!stale && rig.session?.state === 'STATE_FINISHED' && <p class="why">The session has finished{progress.nowMm === undefined
-        ? ': nothing is estimated any more' : ', and this was its last estimate'}. <a href={hashOf('records')}>Its calibrations</a> have the result.</p>}
+        ? ': nothing is estimated any more' : ', and this was its last estimate'}. {calibration === undefined ? 'It has no calibration yet.'
+          : <a href={hashOf('result', calibration.id)}>{calibration.id}: {gradeOf(calibration)[1]}</a>}</p>}
       {!stale && capturing && rig.goal?.why_not && <p class="why">Goes on: {rig.goal.why_not}.</p>}
       {estimate?.state === 'STATE_FAILED' && <p class="why">✕ {estimate.problem}</p>}
       {volume && estimate && !estimate.scale_known && <p class="why">The scale is not known: there is no error in millimetres.</p>}
@@ -70,7 +74,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
         <div class="fact" title="Reprojection error on data that the estimate did not use, and what it would be if the estimate were right">
           <dt>held-out check</dt><dd>{!estimate?.held_out || stale ? missing
             : `${estimate.held_out.agrees ? '✓' : '▲'} ${fixed(estimate.held_out.rms_px ?? 0, 2)} px, ${fixed(estimate.held_out.expected_rms_px ?? 0, 2)} expected`}</dd></div>
-        <div class="fact"><dt>solved</dt><dd>{stale || age === undefined ? missing : `${span(age)} ago`}</dd></div>
+        <div class="fact"><dt>solved</dt><dd>{stale || age === undefined || !capturing ? missing : `${span(age)} ago`}</dd></div>
       </dl>
     </Panel>
     <Panel name="control" title="Session">
@@ -84,7 +88,9 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
             {(one.expected_p95_mm ?? 0) > 0 && <span class="gain">5 s there: {millimetres(one.expected_p95_mm)} mm</span>}</li>)}</ol>
             : <p class="empty">{capturing ? (estimate?.state === 'STATE_READY' ? 'No place stands out: wave everywhere that two cameras see.'
               : 'Wave the wand where two cameras see it.')
-              : rig.session?.state === 'STATE_FINISHED' ? 'Calibrate from this session, or go on with it in a new one.'
+              : rig.session?.state === 'STATE_FINISHED' ? (calibration === undefined ? 'Calibrate from this session, or go on with it in a new one.'
+                : !hasEnded(calibration.state) ? 'Its calibration is being solved.'
+                  : 'Look at its calibration, or go on with the session in a new one.')
                 : usableCameras(rig).length === 0 ? 'Connect cameras first.' : 'Start a capture; advice on where to wave follows.'}</p>}
       <Alerts alerts={rig.alerts} nowMs={timeMs(rig.time)} known={!stale && rig.revision !== ''} />
     </Panel>

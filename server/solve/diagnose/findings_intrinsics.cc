@@ -31,8 +31,6 @@ constexpr double kContradictedSigmas = 1.35;
 constexpr double kContradiction = 1e-6;  // significance of that
 // Of the variance of a focal length.
 constexpr double kMaxPriorShare = 0.5;
-// Of the distance to a camera's own file, that to another one's is less.
-constexpr double kSwappedShare = 0.4;
 constexpr size_t kMaxRays = 1000;
 // Of the image's width, that the middle of a turned image is elsewhere; and of that, how near to it
 // a centre is.
@@ -99,8 +97,7 @@ double DisplacementPx(const BundleProblem& problem, size_t index) {
 
 // Another camera whose given intrinsics are those that fit here: files that were swapped. Empty:
 // none.
-std::string SwappedWith(const CauseInput& input, const BundleProblem& problem, size_t index,
-                        double displacement_px) {
+std::string SwappedWith(const CauseInput& input, const BundleProblem& problem, size_t index) {
   const std::vector<CameraDescription>& cameras = input.rig.index.cameras;
   const size_t own = input.trial.rig_camera[index];
   for (size_t c = 0; c < cameras.size(); ++c) {
@@ -108,9 +105,10 @@ std::string SwappedWith(const CauseInput& input, const BundleProblem& problem, s
         cameras[c].image_size_px.height != cameras[own].image_size_px.height) {
       continue;
     }
-    if (DisplacementPx(problem, index, *cameras[c].intrinsics) < kSwappedShare * displacement_px) {
+    // Lenses of one kind are alike: the other one's must not be wrong here by itself.
+    if (DisplacementPx(problem, index, *cameras[c].intrinsics) < kMinDisplacementPx) {
       return absl::StrFormat(
-          ". The intrinsics that were given to camera %s fit it better: look whether files were "
+          ". The intrinsics that were given to camera %s fit it: look whether files were "
           "swapped",
           cameras[c].camera);
     }
@@ -230,7 +228,7 @@ Cause WrongIntrinsics(const CauseInput& input, const BundleProblem& freed, size_
                "error is %.2f px, and %.2f px with intrinsics that fit. Calibrate its lens again "
                "(zoom and focus as they are now), or calibrate with intrinsics refined%s",
                displacement_px, Changes(camera, SizeOf(input, c)), change.before_px,
-               change.after_px, SwappedWith(input, freed, c, displacement_px))},
+               change.after_px, SwappedWith(input, freed, c))},
           change.gain_px()};
 }
 
@@ -247,7 +245,7 @@ Cause HeldIntrinsics(const CauseInput& input, const BundleProblem& freed, size_t
                "data put them at %s; its error is %.2f px, and %.2f px with these. Was its file "
                "guessed, or is it another camera's? Calibrate its lens%s",
                Changes(camera, SizeOf(input, c)), change.before_px, change.after_px,
-               SwappedWith(input, freed, c, DisplacementPx(freed, c)))},
+               SwappedWith(input, freed, c))},
           change.gain_px()};
 }
 
@@ -319,7 +317,7 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
               "ones. The refined ones are used; check that it was given its own file, and "
               "calibrate its lens again%s",
               displacement_px, Changes(camera, SizeOf(input, c)), change_px.before_px,
-              change_px.after_px, SwappedWith(input, solved, c, displacement_px))},
+              change_px.after_px, SwappedWith(input, solved, c))},
          change_px.gain_px()});
   }
   return causes;

@@ -309,9 +309,10 @@ TEST_F(Recordings, CamerasThatAreApartAreNamedWithThePairToWaveFor) {
     });
   }
   const CommandResult result = Calibrate();
-  EXPECT_EQ(result.exit_code, 1) << result.output;
-  EXPECT_THAT(result.error, AllOf(HasSubstr("not connected"), HasSubstr(cameras_[3]),
-                                  Not(HasSubstr("inconsistent"))));
+  EXPECT_EQ(result.exit_code, 0) << result.output << result.error;
+  EXPECT_THAT(result.output, AllOf(HasSubstr("Quality: usable"), HasSubstr("only 3 of 4 cameras"),
+                                   ContainsRegex("weak_link +warning +" + cameras_[3]),
+                                   Not(HasSubstr("inconsistent"))));
 }
 
 TEST_F(Recordings, AnotherResolutionAndSharesOfTheImageAreNamed) {

@@ -417,7 +417,7 @@ std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
   }
   course.paths = std::move(meter).TakePaths();
   if (course.kind != CourseKind::kConstant) {
-    course.line = LineOf(course, rig.tracks[t].track.observations, times[t], origin_ns);
+    course.line = LineOf(course, rig.tracks[t].track.observations, times.front(), origin_ns);
   }
   return course;
 }

@@ -103,8 +103,7 @@ Calibration RunnerFixture::AwaitEnd(const std::string& id) {
     auto calibration = runner_->GetCalibration(id);
     EXPECT_THAT(calibration, IsOk());
     if (!calibration.ok()) return {};
-    if (calibration->state == CalibrationState::kSucceeded ||
-        calibration->state == CalibrationState::kFailed) {
+    if (HasEnded(calibration->state)) {
       return *std::move(calibration);
     }
     changes.Wait(std::chrono::milliseconds(1000));

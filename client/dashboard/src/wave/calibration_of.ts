@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import { useState } from 'preact/hooks';
-import { listCalibrations } from '../api/server_api';
+import { getCalibration, listCalibrations } from '../api/server_api';
 import type { Calibration, Session } from '../api/types';
 import { hasEnded } from '../result/grade';
 import { useLoaded } from '../shell/use_async';
@@ -15,8 +15,9 @@ export function useCalibrationOf(session: Session | undefined): { calibration: C
   const loaded = useLoaded(`calibration of ${of}`, async (signal): Promise<Calibration | undefined> => {
     if (of === '') return undefined;
     const newest = (await listCalibrations({ filter: `session_ids:${of}`, page_size: 1 }, signal)).calibrations?.[0];
-    setSolving(newest !== undefined && !hasEnded(newest.state));
-    return newest;
+    const open = newest !== undefined && !hasEnded(newest.state);
+    setSolving(open);
+    return open ? getCalibration(newest.id ?? '', signal) : newest;
   }, of === '' ? 0 : solving ? solvingMs : idleMs);
   return { calibration: loaded.value, lookAgain: () => {
     setSolving(true);

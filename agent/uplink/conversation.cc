@@ -215,8 +215,8 @@ void Conversation::HandlePosition(const StreamKey& stream, const v1::StreamPosit
   if (CameraPipeline* const pipeline = PipelineOf(stream.camera)) pipeline->End(stream.session_id);
   const uint32_t lost = agent_.plan->Discard(stream);
   spdlog::warn(
-      "camera {}: the server does not accept session {} any more (deleted, or without this "
-      "camera); {} observations are dropped",
+      "camera {}: the server does not accept session {} any more (deleted, without this "
+      "camera, or not copied by a standby that took over); {} observations are dropped",
       stream.camera, stream.session_id, lost);
 }
 

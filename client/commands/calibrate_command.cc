@@ -69,6 +69,7 @@ absl::StatusOr<v1::Calibration> CalibrateAndWait(ServerConnection& server,
   const std::string id = calibration->id();
   ProgressLine progress(context.console);
   double furthest = 0;
+  std::string waiting;
   calibration = WaitForEnd(server, id, [&](const v1::Calibration& now) {
     // A server that has been restarted begins anew; what is shown only rises.
     furthest = std::max(furthest, now.progress().fraction());
@@ -76,6 +77,11 @@ absl::StatusOr<v1::Calibration> CalibrateAndWait(ServerConnection& server,
     shown.set_state(now.state());
     *shown.mutable_progress() = now.progress();
     shown.mutable_progress()->set_fraction(furthest);
+    if (now.progress().waiting() != waiting && !now.progress().waiting().empty()) {
+      context.console.Message(
+          absl::StrCat("calibration ", id, " waits: ", now.progress().waiting()));
+    }
+    waiting = now.progress().waiting();
     progress.Show(FormatCalibrationProgress(shown));
   });
   progress.Clear();
@@ -244,8 +250,8 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
         CalibrationOf(server.Call(&CalibrationStub::CreateCalibration, request));
     if (!queued.ok()) return context.Fail(queued.status());
     if (context.console.format == OutputFormat::kTable) {
-      context.console.Message(absl::StrCat("it is being solved; rigcal calibration get ",
-                                           queued->id(), " shows how far it is, and the result"));
+      context.console.Message(absl::StrCat("it is queued; rigcal calibration get ", queued->id(),
+                                           " shows how far it is, and the result"));
     }
     return ShowCalibration(*queued, context);
   }

@@ -84,7 +84,11 @@ class StatusService final : public v1::StatusService::Service {
       response->set_queued_calibration_count(Count(parts_.runner->QueuedCount()));
 
       if (parts_.roster != nullptr) {
-        for (const ServerEntry& server : parts_.roster->List()) AddServer(server, response);
+        for (ServerEntry server : parts_.roster->List()) {
+          // The list is a second old. Who answers here has the turn.
+          server.active = server.id == parts_.roster->own_id();
+          AddServer(server, response);
+        }
       }
       for (const SolveWorker& worker : parts_.runner->Workers()) {
         FillWorker(worker, response->add_workers());

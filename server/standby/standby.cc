@@ -120,7 +120,8 @@ class Standby {
     // It uses this object.
     const absl::Cleanup stop_web = [&] { ports.web->Shutdown(); };
     const absl::Status answer = follower_.WaitForFirstAnswer(kFirstAnswer);
-    if (was_promoted_ && !(answer.ok() && follower_.State().silence_s >= 0)) {
+    // An older server refuses to be followed; one that answers was promoted after this one.
+    if (was_promoted_ && follower_.State().silence_s < 0) {
       ports.rpc->Shutdown();
       follower_.Shutdown();
       spdlog::warn(

@@ -30,8 +30,8 @@ absl::Status StatusFromPostgres(const PostgresError& error, std::string_view wha
   if (code == PostgresError::kTakenOver) {
     return absl::FailedPreconditionError(absl::StrCat(
         reason,
-        "; another rigcal-server has taken this database over, and this one stores nothing "
-        "more: end one of them"));
+        "; another rigcal-server has taken this database over: this one stores nothing until its "
+        "turn comes again"));
   }
   if (code == "53100") {
     return absl::ResourceExhaustedError(

@@ -29,6 +29,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class StandbyRefusals : public ::testing::Test {
  protected:
@@ -152,6 +153,36 @@ TEST_F(StandbyRefusals, APromotedServerFollowsOnlyOneThatWasPromotedAfterIt) {
   b = Start("b", {"--follow", a->address()});
   EXPECT_TRUE(Says(*b, "has everything of it (1 sessions"));
   EXPECT_TRUE(absl::IsUnavailable(ServerClient(b->address()).GetSession("wave").status()));
+}
+
+TEST_F(StandbyRefusals, APromotedServerWithDataOfItsOwnDoesNotServeBesideANewerOne) {
+  const auto kill = [](std::unique_ptr<ServerProcess>* server) {
+    (*server)->process().Signal(SIGKILL);
+    (*server)->process().Wait();
+  };
+  auto a = Start("a");
+  ASSERT_THAT(ServerClient(a->address()).CreateSession(WandSession()), IsOk());
+  auto b = Start("b", {"--follow", a->address()});
+  ASSERT_TRUE(Says(*b, "has everything of it"));
+  kill(&a);
+  ASSERT_EQ(Promote(Folder("b")).exit_code, 0);
+  kill(&b);
+  b = Start("b");
+  a = Start("a", {"--follow", b->address()});
+  ASSERT_TRUE(Says(*a, "has everything of it"));
+  a->process().Signal(SIGSTOP);
+  ASSERT_THAT(ServerClient(b->address()).CreateSession(WandSession("own")), IsOk());
+  kill(&b);
+  a->process().Signal(SIGCONT);
+  ASSERT_EQ(Promote(Folder("a")).exit_code, 0);
+  kill(&a);
+  a = Start("a");
+  Process again({{"rigcal-server", "--listen", "127.0.0.1:0", "--data-dir", Folder("b"), "--follow",
+                  a->address()},
+                 {}});
+  EXPECT_EQ(again.Wait(), 1);
+  EXPECT_THAT(again.StandardError(),
+              AllOf(HasSubstr("session own"), Not(HasSubstr("the dashboard is at"))));
 }
 
 TEST_F(StandbyRefusals, CallsOfAStandbyNameThePrimary) {

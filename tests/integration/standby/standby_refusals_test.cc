@@ -39,6 +39,10 @@ class StandbyRefusals : public ::testing::Test {
     return std::make_unique<ServerProcess>(Folder(name), 0, std::map<std::string, std::string>(),
                                            more);
   }
+  static void Kill(ServerProcess* server) {
+    server->process().Signal(SIGKILL);
+    server->process().Wait();
+  }
   static CommandResult Promote(const std::string& folder, bool force = false) {
     std::vector<std::string> command = {"rigcal-server", "promote", "--data-dir", folder};
     if (force) command.emplace_back("--force");
@@ -120,35 +124,31 @@ TEST_F(StandbyRefusals, APromotedServerFollowsOnlyOneThatWasPromotedAfterIt) {
   ASSERT_THAT(ServerClient(a->address()).CreateSession(WandSession()), IsOk());
   auto b = Start("b", {"--follow", a->address()});
   ASSERT_TRUE(Says(*b, "has everything of it"));
-  const auto kill = [](std::unique_ptr<ServerProcess>* server) {
-    (*server)->process().Signal(SIGKILL);
-    (*server)->process().Wait();
-  };
   const auto serves = [](ServerProcess& server) { return Says(server, "the dashboard is at"); };
-  kill(&a);
+  Kill(a.get());
   ASSERT_EQ(Promote(Folder("b")).exit_code, 0);
-  kill(&b);
+  Kill(b.get());
   // After a power cut, with --follow still in its configuration.
   b = Start("b", {"--follow", a->address()});
   EXPECT_TRUE(Says(*b, "none that was promoted after it answers"));
   EXPECT_TRUE(serves(*b));
-  kill(&b);
+  Kill(b.get());
   {
     const auto old = Start("a");
     b = Start("b", {"--follow", old->address()});
     EXPECT_TRUE(Says(*b, "this one is the older of the two"));
     EXPECT_TRUE(serves(*b));
-    kill(&b);
+    Kill(b.get());
   }
   // The old one follows the new one, takes over, and then that one follows it, as it was promoted
   // before.
   b = Start("b");
   a = Start("a", {"--follow", b->address()});
   ASSERT_TRUE(Says(*a, "has everything of it"));
-  kill(&b);
+  Kill(b.get());
   ASSERT_EQ(Promote(Folder("a")).exit_code, 0);
   // At a port that is known.
-  kill(&a);
+  Kill(a.get());
   a = Start("a");
   b = Start("b", {"--follow", a->address()});
   EXPECT_TRUE(Says(*b, "has everything of it (1 sessions"));
@@ -156,26 +156,22 @@ TEST_F(StandbyRefusals, APromotedServerFollowsOnlyOneThatWasPromotedAfterIt) {
 }
 
 TEST_F(StandbyRefusals, APromotedServerWithDataOfItsOwnDoesNotServeBesideANewerOne) {
-  const auto kill = [](std::unique_ptr<ServerProcess>* server) {
-    (*server)->process().Signal(SIGKILL);
-    (*server)->process().Wait();
-  };
   auto a = Start("a");
   ASSERT_THAT(ServerClient(a->address()).CreateSession(WandSession()), IsOk());
   auto b = Start("b", {"--follow", a->address()});
   ASSERT_TRUE(Says(*b, "has everything of it"));
-  kill(&a);
+  Kill(a.get());
   ASSERT_EQ(Promote(Folder("b")).exit_code, 0);
-  kill(&b);
+  Kill(b.get());
   b = Start("b");
   a = Start("a", {"--follow", b->address()});
   ASSERT_TRUE(Says(*a, "has everything of it"));
   a->process().Signal(SIGSTOP);
   ASSERT_THAT(ServerClient(b->address()).CreateSession(WandSession("own")), IsOk());
-  kill(&b);
+  Kill(b.get());
   a->process().Signal(SIGCONT);
   ASSERT_EQ(Promote(Folder("a")).exit_code, 0);
-  kill(&a);
+  Kill(a.get());
   a = Start("a");
   Process again({{"rigcal-server", "--listen", "127.0.0.1:0", "--data-dir", Folder("b"), "--follow",
                   a->address()},
